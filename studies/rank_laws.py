@@ -229,7 +229,7 @@ def _draw(rows, spreads, most=8):
     """Draw the excess of each law over the first with its error, and the share of mixes with the same first law."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import ENGINE_STYLES, mark_offsets
+    from compact.report.figures import ENGINE_STYLES
 
     figure = Figure(figsize=(13.0, 4.8), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2.4])
@@ -238,7 +238,7 @@ def _draw(rows, spreads, most=8):
         values = {engine: _excess(rows, engine, by) for engine in engines}
         laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
         laws.sort(key=lambda law: values[engines[0]][law][0])
-        for engine, offset in zip(engines, mark_offsets(len(engines)), strict=True):
+        for engine, offset in zip(engines, np.linspace(-0.3, 0.3, len(engines)), strict=True):
             value, below, above = np.transpose([values[engine][law] for law in laws])
             color, mark, _ = ENGINE_STYLES[engine]
             error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no bar for an error of 0

@@ -16,7 +16,6 @@ import numpy as np
 
 from compact.analysis.failures import is_refusal
 from compact.analysis.multipass import PassEnd, roll_stages, there_and_back
-from compact.analysis.pore_air import UNDRAINED, air_under, has_air, pore_air_of
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.engines.pore_air import AirForces
@@ -147,40 +146,6 @@ def nearest_speed(speeds: Iterable[float], speed: float) -> int:
     return first_of([abs(math.log(each / speed)) for each in speeds], floor=1.0)
 
 
-def prescribed_target(scene: Scene) -> dict[str, float]:
-    """Return the target of the table [contact] as a keyword of `Roller`; empty without one."""
-    target = scene.target
-    if "load" in target:
-        target["load"] /= scene.machine.roller_length
-    return target
-
-
-def hold_quantity(scene: Scene, mix: Mix, reference: Contact | None = None) -> HeldQuantity | None:
-    """Determine the quantity that a scene holds constant over speed, and its value.
-
-    It is `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene whose engine is layered.
-    reference : Contact, optional
-        Contact at the mean speed that reaches the target of the scene.
-
-    Returns
-    -------
-    HeldQuantity or None
-        None if the value depends on the reference contact and `reference` is None.
-    """
-    prescribed = next((name for name in ("load", "peak_pressure") if name in scene.target), "height")
-    name = (scene.contact and scene.contact.held) or prescribed
-    target, value = ENGINES[scene.accuracy.engine].target(case_of(scene, mix, scene.mean_speed))
-    if target == TARGETS[name]:
-        return HeldQuantity(name, value, scene.mean_speed)
-    reached = None if reference is None else float(getattr(reference, TARGETS[name]))
-    return None if reached is None else HeldQuantity(name, reached, scene.mean_speed)
-
-
 def contact_inputs(
     scene: Scene, mix: Mix, engine: str, speed: float, held: HeldQuantity | None = None
 ) -> tuple[Layer, Roller, Elastic | Viscoelastic | Compaction]:
@@ -195,7 +160,9 @@ def contact_inputs(
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
-    law, target = ENGINES[engine].pick(LAWS), prescribed_target(scene)
+    law, target = ENGINES[engine].pick(LAWS), scene.target
+    if "load" in target:
+        target["load"] /= scene.machine.roller_length
     material = law(scene, mix)
     if isinstance(material, Compaction):
         layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
@@ -388,45 +355,6 @@ def named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
 def _target_key(scene: Scene) -> str:
     """Return the scene key of the target of the contact."""
     return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
-
-
-def air_forces_of(scene: Scene, mix: Mix, contact: Contact, speed: float) -> AirForces | None:
-    """Compute the changes of one contact by its pore air, at its deformation without air.
-
-    Parameters
-    ----------
-    contact : Contact
-        First pass without air.
-    speed : float
-        Speed of the roller [m/s].
-
-    Returns
-    -------
-    AirForces or None
-        None for a scene without pressure of the air.
-    """
-    return air_band_of(scene, mix, contact, speed)[0] if has_air(scene) else None
-
-
-def air_band_of(
-    scene: Scene, mix: Mix, contact: Contact, speed: float
-) -> tuple[AirForces, AirForces] | tuple[None, None]:
-    """Compute the changes of one contact by its pore air at a speed [m/s] and without drainage; see `air_forces_of`.
-
-    Both are None for a layer that does not compact, and for drained mix that is occluded as fed.
-    """
-    if not ENGINES[scene.accuracy.engine].reads("mix.pore_air"):
-        return None, None
-    try:
-        air = pore_air_of(mix, scene.layer.fed_density_ratio)
-    except ValueError:
-        if has_air(scene):
-            raise
-        return None, None
-    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
-    under = air_under(contact, layer, roller, air)
-    pressure = under.pressure(speed)
-    return under.forces(pressure), under.forces(under.pressure(UNDRAINED * air.permeability, pressure))
 
 
 def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | None = None) -> Contact:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.analysis import process, study
-from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, prescribed_target, scene_mix
+from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, scene_mix
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
 from compact.analysis.pore_air import has_air
 from compact.analysis.ranking_uncertainty import Place, places
@@ -74,7 +74,7 @@ class Contacts(Tabular, Sequence[Contact]):
     @classmethod
     def of(cls, scene: Scene, speeds: float | Sequence[float] | None, material: StateUpdate | None) -> Self:
         """Compute the contacts of a scene, see `Scene.roll`."""
-        stage = contact_stage(scene, scene_mix(scene))
+        stage = contact_stage(scene)
         given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
         if given.ndim > 1 or not given.size:
             raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
@@ -262,7 +262,7 @@ class Ranking(Tabular, Sequence[Place]):
         """Draw a bar for each law, with its error."""
         from compact.report.figures import draw_rankings
 
-        return draw_rankings({self.by: list(self)}, {})
+        return draw_rankings({self.by: list(self)})
 
     def __repr__(self) -> str:
         drive, first = self.stages.drive.scene.drive.kind, self[0]
@@ -374,7 +374,7 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
     layer, roller, _ = contact_inputs(scene, scene_mix(scene), "column", speed)
     options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
-    if not prescribed_target(scene):
+    if not scene.target:
         ratio = scene.mix.density_ratio
         layer = replace(layer, height=scene.lift_thickness * ratio / material.fed_density_ratio)  # of the same grains
         options["exit_density_ratio"] = ratio
@@ -488,7 +488,7 @@ class Study(Tabular, study.Study):
         """Draw the rankings of the laws by the criteria of the scene."""
         from compact.report.figures import draw_rankings
 
-        return draw_rankings(self.stages.drive.places[self.scene.drive.kind], {})
+        return draw_rankings(self.stages.drive.places[self.scene.drive.kind])
 
     def write(self, directory: str | Path, force: bool = False) -> dict[str, Any]:
         """Write report, tables and figures, as `compact run` does.

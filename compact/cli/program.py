@@ -502,7 +502,7 @@ def calibrate(
         told.append(calibration.slope_digest(given, pressed))
     if readings.values:
         told.append(calibration.value_lines(given, readings.values))
-        summary["values"] = [each._asdict() for each in readings.values]
+        summary["values"] = [asdict(each) for each in readings.values]
     if readings.strokes:
         window = operating_window.calibrate_window(given, readings.strokes)
         summary["window"] = window.values

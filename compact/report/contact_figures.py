@@ -17,11 +17,12 @@ from compact.quantities import CONTACT, FIELD, MOTION, SPEED, Quantity
 from compact.report.figures import (
     DASHES,
     PALETTE,
-    PHONE_DPI,
-    PHONE_TEXT,
+    PHONE_LEGEND,
+    PHONE_MARGINS,
     ZERO,
     curve,
     engine_style,
+    for_phone,
     label_decades,
     panels,
 )
@@ -155,8 +156,7 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     speeds : mapping of str to float
         Largest speed of each law that is marked [m/s].
     """
-    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), left=0.6, right=0.1, top=0.62, bottom=0.45)
-    figure.set_dpi(PHONE_DPI)
+    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), **PHONE_MARGINS)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):
         force, (color, _, dash) = model.steady, engine_style(model.engine)
@@ -171,12 +171,8 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     for each in speeds.values():
         ax.axvline(each, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
     ax.set(xlim=(0, fastest), ylim=(0, 1.05 * largest))
-    ax.set_xlabel(SPEED.axis_label, fontsize=PHONE_TEXT)
-    ax.set_ylabel(resistance.axis_label, fontsize=PHONE_TEXT)
-    ax.tick_params(labelsize=PHONE_TEXT)
-    ax.spines[["top", "right"]].set_visible(False)
-    figure.legend(*ax.get_legend_handles_labels(), frameon=False, fontsize=PHONE_TEXT, ncols=2, handlelength=2.8,
-                  loc="upper left", labelspacing=0.2, borderpad=0.1, columnspacing=1.0)  # fmt: skip
+    for_phone(ax, SPEED.axis_label, resistance.axis_label)
+    figure.legend(*ax.get_legend_handles_labels(), **PHONE_LEGEND | {"ncols": 2, "columnspacing": 1.0})
     return figure
 
 

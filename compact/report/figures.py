@@ -67,9 +67,13 @@ FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, 
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
-MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
 CYCLE_SIZE = (2.9, 1.35)  # [inch]; two such figures lie side by side on a screen, one fills a phone
 PHONE_DPI, PHONE_TEXT = 220, 8.8  # [1/inch, points], of these figures; 8.8 points are 11 px on a screen of 400 px
+PHONE_MARGINS: dict[str, Any] = {"left": 0.6, "right": 0.1, "top": 0.62, "bottom": 0.45}  # [inch]
+PHONE_LEGEND: dict[str, Any] = {
+    "frameon": False, "fontsize": PHONE_TEXT, "loc": "upper left", "handlelength": 3.2, "labelspacing": 0.2,
+    "borderpad": 0.1,
+}  # fmt: skip
 BEST_STYLES: tuple[tuple[Any, float], ...] = (("-", 2.4), ((0, (6, 2)), 1.9), ((0, (1, 1.4)), 2.2))  # dash, points
 LEVELS: Mapping[str, tuple[str, Any]] = {  # of the torque of a shaft: colour and dash
     "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
@@ -182,8 +186,7 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     runs : mapping
         Run of each law, as many as BEST_STYLES at most.
     """
-    figure, axes = panels(2, 1, CYCLE_SIZE, left=0.6, right=0.1, top=0.62, bottom=0.45, gaps=(0.0, 0.2), sharex=True)
-    figure.set_dpi(PHONE_DPI)
+    figure, axes = panels(2, 1, CYCLE_SIZE, **PHONE_MARGINS, gaps=(0.0, 0.2), sharex=True)
     force, power = axes[:, 0]
     for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
         style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
@@ -192,13 +195,18 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     for ax, label in ((force, "force [kN]"), (power, "power [kW]")):
         ax.axhline(0, **ZERO)
         ax.margins(x=0)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.set_ylabel(label, fontsize=PHONE_TEXT)
-        ax.tick_params(labelsize=PHONE_TEXT)
-    power.set_xlabel(TIME.axis_label, fontsize=PHONE_TEXT)
-    figure.legend(*force.get_legend_handles_labels(), frameon=False, fontsize=PHONE_TEXT, loc="upper left",
-                  handlelength=3.2, labelspacing=0.2, borderpad=0.1)  # fmt: skip
+        for_phone(ax, "" if ax is force else TIME.axis_label, label)
+    figure.legend(*force.get_legend_handles_labels(), **PHONE_LEGEND)
     return figure
+
+
+def for_phone(ax: Axes, x_label: str, y_label: str) -> None:
+    """Label a panel of a figure that is read on a phone."""
+    ax.figure.set_dpi(PHONE_DPI)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_xlabel(x_label, fontsize=PHONE_TEXT)
+    ax.set_ylabel(y_label, fontsize=PHONE_TEXT)
+    ax.tick_params(labelsize=PHONE_TEXT)
 
 
 def draw_stroke(
@@ -296,15 +304,8 @@ def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
 # rankings
 
 
-def draw_rankings(
-    orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]
-) -> Figure:
+def draw_rankings(orders: Mapping[str, list[Place]]) -> Figure:
     """Draw bars of the ranked laws with their errors, first law on top, a panel for each of the first criteria.
-
-    Parameters
-    ----------
-    comparisons : mapping
-        Places by criterion, engine and law, drawn as marks.
 
     Returns
     -------
@@ -319,50 +320,20 @@ def draw_rankings(
         labels[by] = [f"{each.rank}  {each.law}  {value}" for each, value in zip(order, values, strict=True)]
     size = PANEL_WIDTH, ROW_HEIGHT * max(map(len, orders.values())) + 0.2
     margin = 0.3 + LETTER_WIDTH * max(len(label) for each in labels.values() for label in each)
-    figure, axes = panels(len(orders), 1, size, left=margin, top=0.5, gaps=(0.0, 0.6))
+    figure, axes = panels(len(orders), 1, size, left=margin, gaps=(0.0, 0.6))
+    whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
     for ax, (by, order) in zip(axes[:, 0], orders.items(), strict=True):
-        _draw_bars(ax, by, order)
-        _draw_marks(ax, by, order, comparisons.get(by, {}))
+        quantity, longest = CRITERIA[by].quantity, 0.0
+        for row, place in enumerate(order):
+            if place.reason:
+                ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
+                continue
+            value, error = place.value * quantity.plot_factor, (place.error or 0.0) * quantity.plot_factor
+            ax.barh(row, value, color=law_style(place.law)["color"], height=0.72, edgecolor="black", linewidth=0.4)
+            if 0 < error < np.inf:
+                ax.errorbar(value, row, xerr=error, **whisker)
+            longest = max(longest, value + error if error < np.inf else value)
+        ax.set(xlim=(0, 1.15 * longest or 1.0), ylim=(len(order) - 0.4, -0.6), xlabel=quantity.axis_label)
+        ax.spines[["top", "right"]].set_visible(False)
         ax.set_yticks(range(len(order)), labels[by], fontsize=8)
-    found = {label: mark for ax in axes[:, 0] for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(found.values()), list(found), loc="upper center", ncols=len(found), frameon=False, fontsize=8)
     return figure
-
-
-def _draw_bars(ax: Axes, by: str, order: list[Place]) -> None:
-    """Draw a bar with its error for each place."""
-    factor = CRITERIA[by].quantity.plot_factor
-    for row, place in enumerate(order):
-        if place.reason:
-            ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
-    rows = np.array([row for row, place in enumerate(order) if not place.reason], dtype=int)
-    finite = np.array([order[row].value * factor for row in rows])
-    errors = np.nan_to_num([(order[row].error or 0.0) * factor for row in rows], posinf=0.0)
-    colors = [law_style(order[row].law)["color"] for row in rows]
-    ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
-    if errors.any():
-        whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
-        known = np.flatnonzero(errors)
-        ax.errorbar(finite[known], rows[known], xerr=errors[known], label="error", **whisker)
-    ax.set(xlim=(0, 1.15 * max(finite + errors, default=1.0) or 1.0), ylim=(len(order) - 0.4, -0.6))
-    ax.set_xlabel(CRITERIA[by].quantity.axis_label)
-    ax.spines[["top", "right"]].set_visible(False)
-
-
-def mark_offsets(count: int) -> NDArray[np.float64]:
-    """Return the vertical offsets of the marks of engines over the height of a row [-], shape (count,)."""
-    return np.linspace(-MARK_SPREAD / 2, MARK_SPREAD / 2, count) if count > 1 else np.zeros(count)
-
-
-def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, Mapping[str, Place]]) -> None:
-    """Mark the values by other engines."""
-    factor = CRITERIA[by].quantity.plot_factor
-    for (engine, places), offset in zip(comparison.items(), mark_offsets(len(comparison)), strict=True):
-        found = [(places[place.law].value * factor, row) for row, place in enumerate(order) if place.law in places]
-        found = [mark for mark in found if np.isfinite(mark[0])]
-        if found:
-            color, mark, _ = engine_style(engine)
-            value, row = np.transpose(found)
-            style: dict[str, Any] = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
-            ax.plot(value, row + offset, mark, color=color, label=f"by {engine}", **style)
-            ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * value.max()))

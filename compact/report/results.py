@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.ranking_uncertainty import Place, error
+from compact.analysis.ranking_uncertainty import error
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages.resistance import sampled_shares
@@ -163,12 +163,6 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
     """Estimate the error of a criterion from that of the resistance, in its unit; None where that is unknown."""
     heavier = study.stages.drive.heavier_runs
     return None if heavier is None else error(run, heavier.get(run.name), by)
-
-
-def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
-    """Collect the places of each law by the engines of the comparison."""
-    found = study.places_by_engine
-    return {name: {place.law: place for place in found[name][kind][by]} for name in study.comparison}
 
 
 def reaction_tables(study: Study) -> Iterator[File]:

@@ -1,7 +1,7 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,9 @@ from compact.analysis.contact_cases import HeldQuantity, contact_record
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages.kept_results import KeptResults, write_results
+from compact.analysis.stages.kept_results import write_results
+from compact.analysis.stages.model_spread import ModelSpread
+from compact.analysis.stages.uncertainty import RankingUncertainty
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import (
@@ -98,10 +100,8 @@ def write_study(
             list(study.keep(place, files))
         files += kept
         for name, other in study.comparison.items():
-            if other.records:  # contacts and map of a compared engine, for the next run
-                found: Any = other.records, other.held, other.second_pass, other.steady, None, None, other.lifts
-                kept_results = replace(KeptResults(*found), prior=other.prior)
-                files += write_results(place / "comparison" / name, kept_results, other.key)
+            if other.kept:  # contacts and map of a compared engine, for the next run
+                files += write_results(place / "comparison" / name, other.kept, other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
     return summary
@@ -160,7 +160,9 @@ def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
     if standing := study.standing(directory, "fields.pvd", "fields/", "fields.png"):
         yield from standing
     else:
-        yield from _write_layers(directory, study.stages.contacts.fields)
+        contacts = study.stages.contacts
+        layers = [(contacts.field_mesh(result), result) for _, result in contacts.first_passes]
+        yield from _write_layers(directory, layers)
         study.count("figures")
 
 
@@ -206,8 +208,7 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
         speeds = {law: cycles[law].forward.peaks().velocity for law in study.best_laws}
         found["models"] = (contact_figures.draw_models, study.models, speeds)
         found["best_cycles"] = figures.draw_best_cycles, {law: drive.runs[law] for law in study.best_laws}
-    comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
-    found["ranking"] = (figures.draw_rankings, places, comparisons)
+    found["ranking"] = (figures.draw_rankings, places)
     return found
 
 
@@ -219,37 +220,59 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
     files : list of str
         Paths of its files, relative to the directory of the results.
     """
-    scene, stages, unreachable = study.scene, study.stages, study.stages.contacts.mix.not_achievable
+    scene, stages, sizing, known = study.scene, study.stages, study.machine_sizing, study.uncertainty
+    contacts, steady, durations = stages.contacts, stages.resistance.steady, study.over_durations
+    force, guides = float(steady.drive_force[0]), float(steady.guide_friction[0])
+    forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
+    resistance = {"by": scene.accuracy.engine if contacts.speeds else "eq 1.8"}
+    if contacts.speeds:
+        names = "speeds error_between_speeds=error engine_error added_masses relaxation_time"
+        resistance |= json_values(stages.resistance.map, names) | {"kept": contacts.kept is not None}
+    ratios = json_numbers(contacts.second_pass, "second_pass_load=0 second_pass_resistance=1")
+    spread, motors = study.model_spread, {}
+    if "cams" in scene.output.items:
+        table = results.roller_motor_table(study)
+        motors = {row[0]: dict(zip(list(table.quantities)[1:], row[1:], strict=True)) for row in table.rows}
     return {
         "schema": SCHEMA,
         "title": scene.title,
         "scene_hash": scene.hash,
         "versions": versions(),
         "engine": scene.accuracy.engine,
-        "drive_resistance": _drive_resistance(study),
-        "held": _held(stages.contacts.held),
-        "return_stroke": _return_stroke(study),
+        "drive_resistance": resistance,
+        "held": _held(contacts.held),
+        "return_stroke": {"over": scene.layer.return_stroke} | ratios,
         "pore_air": _pore_air(study),
-        "model_spread": _model_spread(study),
-        "steady_forces": _steady_forces(study),
-        "over_durations": None if study.over_durations is None else _over_durations(study.over_durations),
-        "machine_sizing": sizing_numbers(study.machine_sizing),
+        "model_spread": None if spread is None else _model_spread(spread),
+        "steady_forces": {name: json_number(value, "N") for name, value in forces.items()},
+        "over_durations": None if durations is None else _over_durations(durations),
+        "machine_sizing": sizing_numbers(sizing),
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
-        "verdict": _verdict(study),
+        "verdict": None if known is None else _verdict(study, known),
         "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()} or None,
         "decision": decision_numbers(study),
         "inputs": input_numbers(scene),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
-        "reachable": {"density_achievable": not unreachable, "reason": unreachable},
-        "numbers": {name: asdict(number) for name, number in stages.contacts.numbers.items()},
-        "contacts": [contact.to_json() for contact in study.stages.contacts.records],
-        "laws": {name: _run_numbers(study, run) for name, run in study.stages.drive.runs.items()},
+        "reachable": {"density_achievable": not contacts.mix.not_achievable, "reason": contacts.mix.not_achievable},
+        "numbers": {name: asdict(number) for name, number in contacts.numbers.items()},
+        "contacts": [contact.to_json() for contact in contacts.records],
+        "laws": {name: _run_numbers(study, run) for name, run in stages.drive.runs.items()},
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
-        "roller_motors": _roller_motors(study),
-        "comparison": _comparison(study),
+        "roller_motors": motors,
+        "comparison": {
+            name: {
+                "contacts": [contact.to_json() for contact in other.records],
+                "held": _held(other.kept.held if other.kept else None),
+                "resistance_error": other.error,
+                "roller_load": json_number(other.roller_load, "N"),
+                "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
+                "evaluation_counts": dict(other.counts),
+            }
+            for name, other in study.comparison.items()
+        },
         **{kind: _failures(study, kind) for kind in FAILURES},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
@@ -269,14 +292,6 @@ def _failures(study: Study, kind: str) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _roller_motors(study: Study) -> dict[str, Any]:
-    """Convert the requirements of each law on the motors in the rollers."""
-    if "cams" not in study.scene.output.items:
-        return {}
-    table = results.roller_motor_table(study)
-    return {row[0]: dict(zip(list(table.quantities)[1:], row[1:], strict=True)) for row in table.rows}
-
-
 def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
     """Convert the quantity that is held constant over speed."""
     if held is None:
@@ -284,61 +299,36 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
     return {"quantity": held.name} | json_numbers(held, f"{HELD[held.name]}=value found_at_m/s=speed")
 
 
-def _drive_resistance(study: Study) -> dict[str, Any]:
-    """Convert the resistance to the cart and its error estimates."""
-    if not study.stages.contacts.speeds:
-        return {"by": "eq 1.8"}
-    names = "speeds error_between_speeds=error engine_error added_masses relaxation_time"
-    numbers = json_values(study.stages.resistance.map, names)
-    return {"by": study.scene.accuracy.engine} | numbers | {"kept": study.stages.contacts.kept is not None}
-
-
-def _return_stroke(study: Study) -> dict[str, Any]:
-    """Convert the state of the mix under the return stroke, the ratios of a second pass and the energy of a cycle."""
-    ratios = json_numbers(study.stages.contacts.second_pass, "second_pass_load=0 second_pass_resistance=1")
-    energies = study.stages.drive.cycle_energies.items()
-    energy = {"energy": {over: json_number(each, "J") for over, each in energies}}
-    return {"over": study.scene.layer.return_stroke} | ratios | energy
-
-
 def _pore_air(study: Study) -> dict[str, Any] | None:
     """Convert the numbers on the pore air; None where the layer has none."""
     air, curve = study.pore_air, study.stages.contacts.air_curve
-    if air is None:
+    if air is None or curve is None:
         return None
-    permeability, (value, low, high) = air.permeability, air.deaeration_speeds
+    ends = "value=permeability.value low=permeability.low high=permeability.high"
+    speeds = "value=deaeration_speeds.0 low=deaeration_speeds.1 high=deaeration_speeds.2"
     return {
         "model": study.scene.mix.pore_air,
-        "air_permeability": json_number(permeability.value, "m2")
-        | {"low": permeability.low, "high": permeability.high},
-        "deaeration_speed": json_number(value, "m/s") | {"low": low, "high": high},
+        "air_permeability": json_values(air, ends) | {"unit": "m2"},
+        "deaeration_speed": json_values(air, speeds) | {"unit": "m/s"},
         **json_numbers(
             air, "load_share=shares.0 resistance_share=shares.1 undrained_load_share=undrained_shares.0 "
             "undrained_resistance_share=undrained_shares.1 excess_behind_Pa=at_mean_speed.excess_behind "
             "tensile_strength_Pa",
         ),
-        "coupled": [asdict(each) for each in curve.coupled] if curve else [],
+        "coupled": [asdict(each) for each in curve.coupled],
     }  # fmt: skip
 
 
-def _model_spread(study: Study) -> dict[str, Any] | None:
-    """Convert the contacts by the other laws of the mix; None where they are not required."""
-    spread = study.model_spread
-    if spread is None:
-        return None
-    bands = {name: getattr(spread, name) for name in ("load", "resistance")}
+def _model_spread(spread: ModelSpread) -> dict[str, Any]:
+    """Convert the contacts by the other laws of the mix."""
     own = "load resistance cohesion_loose_Pa saturation_limit"
-    variants = [asdict(each) | json_numbers(each, own) for each in spread.variants]
-    return {name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()} | {
-        "variants": variants
-    }
+    bands = {"load": spread.load, "resistance": spread.resistance}
+    found: dict[str, Any] = {name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()}
+    return found | {"variants": [asdict(each) | json_numbers(each, own) for each in spread.variants]}
 
 
-def _verdict(study: Study) -> dict[str, Any] | None:
-    """Convert models, verdicts and their uncertainty; None for a scene without the output "report"."""
-    known = study.uncertainty
-    if known is None:
-        return None
+def _verdict(study: Study, known: RankingUncertainty) -> dict[str, Any]:
+    """Convert models, verdicts and their uncertainty."""
     models = []
     for each in study.models:
         forces = {f"{time:g}": json_number(force, "N") for time, force in each.mean_resistance.items()}
@@ -379,14 +369,6 @@ def _robust_law(scene: Scene, found: "RobustLaw") -> dict[str, Any]:
         "gap": found.gap, "drives": found.drives, "gains": found.gains,
         "best_published": {"law": found.published} | worst(found.published_worst),
     }  # fmt: skip
-
-
-def _steady_forces(study: Study) -> dict[str, Any]:
-    """Convert the forces on one cart at constant mean speed."""
-    steady = study.stages.resistance.steady
-    force, guides = float(steady.drive_force[0]), float(steady.guide_friction[0])
-    forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
-    return {name: json_number(value, "N") for name, value in forces.items()}
 
 
 def _over_durations(found: DurationStudy) -> dict[str, Any]:
@@ -440,21 +422,6 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     if bool(study.stages.contacts.speeds):
         content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
     return content | {"errors": {by: results.criterion_error(study, run, by) for by in CRITERIA}}
-
-
-def _comparison(study: Study) -> dict[str, Any]:
-    """Convert the results of each engine of the comparison."""
-    return {
-        name: {
-            "contacts": [contact.to_json() for contact in other.records],
-            "held": _held(other.held),
-            "resistance_error": other.error,
-            "roller_load": json_number(other.roller_load, "N"),
-            "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
-            "evaluation_counts": dict(other.counts),
-        }
-        for name, other in study.comparison.items()
-    }
 
 
 def _rankings(orders: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:

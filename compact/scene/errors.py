@@ -132,7 +132,7 @@ def _innermost(entries: Mapping[Key, Any], key: Key) -> Any:
 
 PLAIN = {  # words of pydantic in the messages
     "greater than 0$": "positive", "a valid tuple": "a list", "a valid dictionary": "a table",
-    "a valid integer": "a whole number",
+    "a valid integer": "a whole number", ", unable to parse string as a number": "",
     "a valid boolean": "true or false", "valid ": "", " after validation": "", "match pattern .*": "be a text",
 }  # fmt: skip
 
@@ -172,11 +172,17 @@ def _field_mistake(error: Mapping[str, Any], tables: Mapping[Key, type[Table]]) 
         keys = ", ".join(f"{name} = …" for name in table.model_fields)
         words = f"must be a table, {got}; write {f'{{ {keys} }}' if entry else f'{header} on a line of its own'}"
     else:
-        rule = re.sub(r"^(Input|Tuple|String) should", "must", error["msg"])
-        for old, new in PLAIN.items():
-            rule = re.sub(old, new, rule)
-        words = f"is missing; {_remedy(error, info)}" if kind == "missing" else f"{rule}, {got}; {_remedy(error, info)}"
+        said = "is missing" if kind == "missing" else f"{rule_of(error['msg'])}, {got}"
+        words = f"{said}; {_remedy(error, info)}"
     return Mistake(key, words, entry)
+
+
+def rule_of(message: str) -> str:
+    """Return the rule in a message of pydantic in plain words."""
+    rule = re.sub(r"^(Input|Tuple|String) should", "must", message)
+    for old, new in PLAIN.items():
+        rule = re.sub(old, new, rule)
+    return rule
 
 
 def _remedy(error: Mapping[str, Any], info: FieldInfo) -> str:

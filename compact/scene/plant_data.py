@@ -42,42 +42,51 @@ A CSV has one measurement or one test a row under the same names, and for a band
 
 import math
 import tomllib
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
 
 from compact.engines.process.kneading import Reading
 from compact.files import read_table, scene_file
+from compact.scene.errors import rule_of
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
-STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
-DECAYS = ("damping_ratio", "decay", "decrement")  # of which a tap test has one
-EDGES = ("low", "high")
+DECAYS = {"damping_ratio", "decay", "decrement"}  # of which a tap test has one
 MINUTE = 60.0  # [s]
-TESTS = {
-    "deflection": "deflection",
-    "tap": "frequency",
-    "kneading": "cycles",
-    "stroke": "strokes_per_minute",
-    "compression": "pressure",
-    "value": "key",
-}  # table of a test -> column by which a CSV file has it
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+Positive = Annotated[float, Field(gt=0)]
+DensityRatio = Annotated[float, Field(gt=0, lt=1)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Band:
     """Measured value with its lower and upper bound."""
 
-    value: float
-    low: float
-    high: float
+    value: Positive
+    low: Positive
+    high: Positive
 
     def __post_init__(self) -> None:
         if not self.low <= self.value <= self.high:
             raise ValueError(f"low <= value <= high must hold, got {self.low:g}, {self.value:g}, {self.high:g}")
 
 
-@dataclass(frozen=True)
+def _band(given: Any) -> Any:
+    """Return a number, or a table of a value and its bounds, with both bounds."""
+    if isinstance(given, Band):
+        return given
+    table = given if isinstance(given, dict) else {"value": given}
+    return dict.fromkeys(("low", "high"), table.get("value")) | table
+
+
+OptionalBand = Annotated[Band | None, BeforeValidator(lambda given: given and _band(given))]
+
+
+@dataclass(frozen=True, config=STRICT)
 class Measurement:
     """One measurement on one roller; None for a quantity that was not measured.
 
@@ -95,11 +104,16 @@ class Measurement:
         Speed of the roller [m/s]; default that of the scene.
     """
 
-    load: Band | None = None
-    resistance: Band | None = None
-    resistance_coefficient: Band | None = None
-    exit_density_ratio: float | None = None
-    speed: float | None = None
+    load: OptionalBand = None
+    resistance: OptionalBand = None
+    resistance_coefficient: OptionalBand = None
+    exit_density_ratio: Positive | None = None
+    speed: Positive | None = None
+
+    def __post_init__(self) -> None:
+        names = {name for name, _ in self.data}
+        if not names or {"resistance", "resistance_coefficient"} <= names:
+            raise ValueError("give `load`, and `resistance` or `resistance_coefficient`; at least one, not all")
 
     @property
     def data(self) -> tuple[tuple[str, Band], ...]:
@@ -107,7 +121,7 @@ class Measurement:
         return tuple((name, band) for name in FITTED if (band := getattr(self, name)) is not None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Deflection:
     """Reading of a deflection test: the cart is blocked, the driven end is loaded.
 
@@ -123,7 +137,7 @@ class Deflection:
     deflection: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class Tap:
     """Reading of a tap test: the driven end is blocked, the cart swings.
 
@@ -135,12 +149,8 @@ class Tap:
         Damping over critical damping [-], in [0, 1).
     """
 
-    frequency: float
-    damping_ratio: float
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.damping_ratio < 1:
-            raise ValueError(f"`damping_ratio` must be in [0, 1) for a cart that swings, got {self.damping_ratio:g}")
+    frequency: Positive
+    damping_ratio: Annotated[float, Field(ge=0, lt=1)]
 
     @property
     def natural_frequency(self) -> float:
@@ -148,27 +158,34 @@ class Tap:
         return 2 * math.pi * self.frequency / math.sqrt(1 - self.damping_ratio**2)
 
 
-class StrokeRow(NamedTuple):
+@dataclass(frozen=True, config=STRICT)
+class StrokeRow:
     """Row of a forming process: density ratio of the product [-], and force that moves a cart [N]; None if unknown."""
 
-    mould_speed: float
-    strokes_per_minute: float
-    density_ratio: float | None = None
-    force: float | None = None
+    mould_speed: Positive
+    strokes_per_minute: Positive
+    density_ratio: Positive | None = None
+    force: Positive | None = None
+
+    def __post_init__(self) -> None:
+        if self.density_ratio is None and self.force is None:
+            raise ValueError("must have mould_speed, strokes_per_minute, and density_ratio or force")
 
     def changes(self, dwell: float) -> dict[str, object]:
         """Return the changes of a scene with a dwell at each end [s]."""
         return {"process.mould_speed": self.mould_speed, "motion.duration": MINUTE / self.strokes_per_minute - dwell}
 
 
-class Compression(NamedTuple):
+@dataclass(frozen=True, config=STRICT)
+class Compression:
     """Reading of a confined compression test: pressure [Pa] and density ratio [-]."""
 
-    pressure: float
-    density_ratio: float
+    pressure: Positive
+    density_ratio: DensityRatio
 
 
-class KeyValue(NamedTuple):
+@dataclass(frozen=True, config=STRICT)
+class KeyValue:
     """Measured value of a key of the scene with its half-width, in the unit of the key."""
 
     key: str
@@ -176,7 +193,17 @@ class KeyValue(NamedTuple):
     error: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
+class _Kneaded:
+    """Reading of a gyratory compactor."""
+
+    cycles: Annotated[float, Field(ge=0)]
+    pressure: Positive
+    density_ratio: DensityRatio
+    specimen: str = ""
+
+
+@dataclass(frozen=True, config=STRICT)
 class Measured:
     """All measurements of a plant.
 
@@ -199,13 +226,18 @@ class Measured:
     """
 
     measurements: tuple[Measurement, ...]
-    assumptions: dict[str, tuple[float, float]] = field(default_factory=dict)
+    assumptions: dict[str, tuple[Positive, Positive]] = field(default_factory=dict)
     deflections: tuple[Deflection, ...] = ()
     taps: tuple[Tap, ...] = ()
     kneading: tuple[Reading, ...] = ()
     strokes: tuple[StrokeRow, ...] = ()
     compressions: tuple[Compression, ...] = ()
     values: tuple[KeyValue, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key, (low, high) in self.assumptions.items():
+            if not low < high:
+                raise ValueError(f"assumptions, `{key}`: low < high must hold, got {low:g}, {high:g}")
 
     @property
     def of_drive(self) -> bool:
@@ -223,6 +255,14 @@ class Measured:
         return replace(self, measurements=tuple(map(moved, self.measurements)))
 
 
+KINDS: dict[str, tuple[Any, str, str]] = {  # table of a file -> record, column by which a CSV file has it, field
+    "deflection": (Deflection, "deflection", "deflections"), "tap": (Tap, "frequency", "taps"),
+    "kneading": (_Kneaded, "cycles", "kneading"), "stroke": (StrokeRow, "strokes_per_minute", "strokes"),
+    "compression": (Compression, "pressure", "compressions"), "value": (KeyValue, "key", "values"),
+    "measurement": (Measurement, "", "measurements"),
+}  # fmt: skip
+
+
 def read_measurements(path: str | Path) -> Measured:
     """Read measurements from a TOML or CSV file.
 
@@ -235,126 +275,54 @@ def read_measurements(path: str | Path) -> Measured:
     try:
         if path.suffix.lower() == ".csv":
             cells = [each for _, each in read_table(path)]
-            kind = next((kind for kind, name in TESTS.items() if cells and name in cells[0]), "measurement")
+            kind = next((kind for kind, (_, name, _) in KINDS.items() if cells and name in cells[0]), "measurement")
             data: dict[str, Any] = {kind: cells}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        readers = (_measurement, _deflection, _tap, _kneading, _stroke, _compression, _value)
-        kinds = dict(zip(("measurement", *TESTS), readers, strict=True))
-        tables, assumptions = {kind: data.pop(kind, []) for kind in kinds}, data.pop("assumptions", {})
-        if data:
-            raise ValueError(f"the file has no key `{next(iter(data))}`; it takes {', '.join(kinds)}, assumptions")
-        lists = all(isinstance(each, list) for each in tables.values())
-        rows = [each for found in tables.values() for each in found] if lists else []
-        if not (rows and all(isinstance(each, dict) for each in (*rows, assumptions))):
+        if unknown := [name for name in data if name not in (*KINDS, "assumptions")]:
+            raise ValueError(f"the file has no key `{unknown[0]}`; it takes {', '.join(KINDS)}, assumptions")
+        if not any(data.get(kind) for kind in KINDS):
             raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
-        read: list[Any] = [
-            tuple(kinds[kind](table, f"{kind} {i}") for i, table in enumerate(found, 1))
-            for kind, found in tables.items()
-        ]
-        ranges = {key: _range(key, value) for key, value in assumptions.items()}
-        return Measured(read[0], ranges, *read[1:])
+        found: dict[str, Any] = {"measurements": (), "assumptions": data.get("assumptions", {})}
+        for kind, (record, _, name) in KINDS.items():
+            rows = TypeAdapter(list[dict[str, Any]]).validate_python(data.get(kind, []))
+            found[name] = tuple(validated(record, _row(kind, row), f"{kind} {i}") for i, row in enumerate(rows, 1))
+        found["kneading"] = tuple(Reading(*vars(each).values()) for each in found["kneading"])
+        return validated(Measured, found, "the file")
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # also of a text that is not UTF-8 or not TOML
         raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def number(value: Any, where: str, least: float = -math.inf, words: str = "a number") -> float:
-    """Return a number of TOML or a cell of CSV, which must be finite and greater than `least`."""
+def _row(kind: str, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the cells of a row that are filled: bounds of a CSV file as bands, any decay as a damping ratio."""
+    given = {name: value for name, value in row.items() if value != ""}
+    if kind == "measurement":
+        for name in (name for name in FITTED if name in given):
+            ends = {end: given.pop(f"{name}_{end}") for end in ("low", "high") if f"{name}_{end}" in given}
+            given[name] = {"value": given[name]} | ends if ends else given[name]
+    elif kind == "tap" and len(names := DECAYS & given.keys()) == 1:
+        (name,), value, turn = names, given.pop(*names), 2 * math.pi
+        if name != "damping_ratio":  # over the damped angular frequency, zeta/sqrt(1 - zeta^2)
+            period = turn * validated(Positive, given.get("frequency"), "`frequency`") if name == "decay" else turn
+            ratio = validated(float, value, f"`{name}`") / period
+            value = math.copysign(ratio / math.hypot(1, ratio), ratio)
+        given["damping_ratio"] = value
+    return given
+
+
+def validated(kind: Any, value: Any, where: str) -> Any:
+    """Return a value of a type or record; ValueError with the place, the rule and the value for the first mistake."""
     try:
-        found = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        found = math.nan
-    if not least < found < math.inf:
-        raise ValueError(f"{where} must be {words}, got {value!r}")
-    return found
-
-
-def positive(value: Any, where: str) -> float:
-    """Return a number of TOML or a cell of CSV, which must be positive and finite."""
-    return number(value, where, 0.0, "a positive number")
-
-
-def _require_keys(table: dict[str, Any], where: str, *names: str) -> None:
-    if table.keys() != {*names}:
-        raise ValueError(f"{where} must have {', '.join(names)}, got {', '.join(table) or 'nothing'}")
-
-
-def _deflection(table: dict[str, Any], where: str) -> Deflection:
-    _require_keys(table, where, "force", "deflection")
-    return Deflection(*(number(table[name], f"{where}, `{name}`") for name in ("force", "deflection")))
-
-
-def _compression(table: dict[str, Any], where: str) -> Compression:
-    _require_keys(table, where, *Compression._fields)
-    return Compression(positive(table["pressure"], f"{where}, `pressure`"), _density(table, where))
-
-
-def _value(table: dict[str, Any], where: str) -> KeyValue:
-    _require_keys(table, where, *KeyValue._fields)
-    sizes = (number(table[name], f"{where}, `{name}`") for name in ("value", "error"))
-    return KeyValue(str(table["key"]), *sizes)
-
-
-def _density(table: dict[str, Any], where: str) -> float:
-    found = positive(table["density_ratio"], f"{where}, `density_ratio`")
-    if found >= 1:
-        raise ValueError(f"{where}, `density_ratio` must be below 1, got {found:g}")
-    return found
-
-
-def _tap(table: dict[str, Any], where: str) -> Tap:
-    given = {name: value for name, value in table.items() if value != ""}
-    if "frequency" not in given or len(given) != 2 or not given.keys() & {*DECAYS}:
-        raise ValueError(f"{where} must have `frequency` and one of {', '.join(DECAYS)}, got {', '.join(given)}")
-    frequency = positive(given.pop("frequency"), f"{where}, `frequency`")
-    (name, value), turn = given.popitem(), 2 * math.pi
-    found = number(value, f"{where}, `{name}`")
-    # decay over the damped angular frequency, zeta/sqrt(1 - zeta^2); a decrement is that of one period
-    ratio = {"decay": found / (turn * frequency), "decrement": found / turn}.get(name)
-    return Tap(frequency, found if ratio is None else math.copysign(ratio / math.hypot(1, ratio), found))
-
-
-def _kneading(table: dict[str, Any], where: str) -> Reading:
-    given = {name: each for name, each in table.items() if each != ""}
-    specimen = str(given.pop("specimen", ""))
-    _require_keys(given, where, "cycles", "pressure", "density_ratio")
-    cycles = number(given["cycles"], f"{where}, `cycles`", -1e-9, "a number in range")
-    return Reading(cycles, positive(given["pressure"], f"{where}, `pressure`"), _density(given, where), specimen)
-
-
-def _stroke(table: dict[str, Any], where: str) -> StrokeRow:
-    given = {name: positive(each, f"{where}, `{name}`") for name, each in table.items() if each != ""}
-    if given.keys() - {*StrokeRow._fields} or len(given) < 3 or not given.keys() >= {*StrokeRow._fields[:2]}:
-        words = "must have mould_speed, strokes_per_minute, and density_ratio or force"
-        raise ValueError(f"{where} {words}, got {', '.join(given) or 'nothing'}")
-    return StrokeRow(**given)
-
-
-def _measurement(table: dict[str, Any], where: str) -> Measurement:
-    flat: dict[str, Any] = {}  # by the names of the columns of CSV
-    for name, value in table.items():
-        ends = value if isinstance(value, dict) else {"value": value}
-        flat |= {name if end == "value" else f"{name}_{end}": each for end, each in ends.items() if each != ""}
-    known = (*FITTED, *STATED, *(f"{name}_{end}" for name in FITTED for end in EDGES))
-    if unknown := [name for name in flat if name not in known]:
-        raise ValueError(f"{where} has no key `{unknown[0]}`; it takes {', '.join(known)}")
-    given = {name: positive(value, f"{where}, `{name}`") for name, value in flat.items()}
-    values = {name: given[name] for name in FITTED if name in given}
-    if not values or {"resistance", "resistance_coefficient"} <= values.keys():
-        raise ValueError(f"{where}: give `load`, and `resistance` or `resistance_coefficient`; at least one, not all")
-    read: dict[str, Any] = {name: given[name] for name in STATED if name in given}
-    for name, value in values.items():
-        read[name] = Band(value, *(given.get(f"{name}_{end}", value) for end in EDGES))
-    return Measurement(**read)
-
-
-def _range(key: str, value: Any) -> tuple[float, float]:
-    where = f"assumptions, `{key}`"
-    if not isinstance(value, list) or len(value) != 2:
-        raise ValueError(f"{where} must be [low, high], got {value!r}")
-    low, high = (positive(end, where) for end in value)
-    if not low < high:
-        raise ValueError(f"{where}: low < high must hold, got {low:g}, {high:g}")
-    return low, high
+        return TypeAdapter(kind).validate_python(value)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+    name, kinds = ".".join(str(part) for part in first["loc"]), fields(kind) if is_dataclass(kind) else ()
+    if first["type"] == "unexpected_keyword_argument":
+        raise ValueError(f"{where} has no key `{name}`; it takes {', '.join(each.name for each in kinds)}")
+    if first["type"] == "value_error":
+        raise ValueError(f"{where}: {first['ctx']['error']}")
+    if first["type"] == "missing":
+        raise ValueError(f"{where} has no `{name}`, got {', '.join(first['input']) or 'nothing'}")
+    raise ValueError(f"{where}{name and f', `{name}`'} {rule_of(first['msg'])}, got {first['input']!r}")

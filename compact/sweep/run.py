@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact import files, quantities
-from compact.analysis.contact_cases import Passes, air_forces_of, contact_record
+from compact.analysis.contact_cases import Passes, contact_record
 from compact.analysis.failures import MAX_REASON, reason_of
 from compact.analysis.operating_window import limits_met, shared_lifts
 from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
@@ -131,7 +131,7 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
     if is_coupled(scene):
         air: Any = coupled_contact(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed).changes
     else:
-        air = air_forces_of(scene, mix, first, speed)
+        air = study.stages.contacts.air_forces_of(first, speed)
     record = contact_record(scene.accuracy.engine, speed, passes, air)
     known = {name: getattr(record, name) for name in RECORDED} | {
         "load": machine.roller_length * record.load,

@@ -26,7 +26,7 @@ from compact.engines import ENGINES
 from compact.files import read_table
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError, read_value
-from compact.scene.plant_data import positive
+from compact.scene.plant_data import Positive, validated
 from compact.scene.schema import Table, key, optional
 from compact.validation.case import CASES, PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
@@ -127,7 +127,7 @@ def _trial(place: str, key: str, row: Mapping[str, str], expected: Mapping[str, 
         )
     given = {name: cell for name, cell in row.items() if cell}
     changes = {name: read_value(cell) for name, cell in given.items() if "." in name}
-    values = {name: positive(cell, f"{place}: `{name}`") for name, cell in given.items() if "." not in name}
+    values = {name: validated(Positive, cell, f"{place}: `{name}`") for name, cell in given.items() if "." not in name}
     if not values.keys() & expected.keys():
         raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(expected)}")
     return Trial(place, key, changes, values)

@@ -155,10 +155,10 @@ ONE = "[[measurement]]\n"
         ("toml", "", "contains no measurement; add a table"),
         ("toml", f"{ONE}lod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
         ("toml", f"{ONE}load = {{value = 3, low = 4}}", "low <= value <= high must hold, got 4, 3, 3"),
-        ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", r"assumptions, `a` must be \[low, high\], got 3"),
+        ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", "`assumptions.a` must be a list, got 3"),
         ("csv", "force,deflection\n1,x\n", "deflection 1, `deflection` must be a number, got 'x'"),
-        ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 must have `frequency` and one of damping_ratio, decay, decrement"),
-        ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
+        ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 has no `damping_ratio`, got frequency"),
+        ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", "`damping_ratio` must be less than 1, got 1.2"),
     ],
 )
 def test_invalid_measurements_are_refused(tmp_path, suffix, text, message):

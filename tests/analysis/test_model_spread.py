@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.stages import model_spread as stage
+from compact.analysis.stages.contacts import ContactStage
 from compact.analysis.study import Study
 from compact.report.text import say
 from compact.report.writer import study_summary
@@ -34,14 +34,14 @@ def test_laws_of_columns_differ_by_elastic_strain_alone():
 
 
 def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
-    study, roll = Study(scene(**{"mix.overrides.saturation_limit": 0.998})), stage._roll
+    study, case = Study(scene(**{"mix.overrides.saturation_limit": 0.998})), ContactStage.case
 
-    def heaping(contacts, held):
+    def heaping(contacts, speed):
         if contacts.scene.mix.law == "drucker-prager-cap" and contacts.mix.cohesion_loose < 15e3:
             raise HeapingError("the mix heaps up", HEAPED)
-        return roll(contacts, held)
+        return case(contacts, speed)
 
-    monkeypatch.setattr(stage, "_roll", heaping)
+    monkeypatch.setattr(ContactStage, "case", heaping)
     assert [each.heaping for each in study.model_spread.variants] == [HEAPED, HEAPED, None]
     assert "heaps up: drucker-prager-cap at 2.50 kPa (wave 7.20 mm after 0.540 m)" in say("spread", study)
     numbers = study_summary(study, [])["model_spread"]

@@ -133,7 +133,8 @@ def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
     assert 0.002 < alone.load / first.load < 0.1
     assert record.air_resistance > 1.5 * alone.resistance
     assert record.load == pytest.approx(first.load + record.air_load)
-    ((mesh, _),) = study.stages.contacts.fields
+    contacts = study.stages.contacts
+    mesh = contacts.field_mesh(contacts.first_passes[0][1])
     (pressure,) = mesh.cell_data["air_pressure"]
     assert len(pressure) == len(mesh.cells[0].data)
     assert alone.excess_behind < 1.2 * pressure.max() < 101325

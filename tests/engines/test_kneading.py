@@ -87,11 +87,14 @@ def test_gyrations_are_shear_work_over_pressure():
 
 ROWS = [
     ("cycles,pressure,density_ratio\n0,6e5,0.8\n", None),
-    ("cycles,pressure,density_ratio\n-1,6e5,0.8\n", "kneading 1, `cycles` must be a number in range, got '-1'"),
-    ("cycles,pressure,density_ratio\n0,6e5,1.0\n", "kneading 1, `density_ratio` must be below 1, got 1"),
+    (
+        "cycles,pressure,density_ratio\n-1,6e5,0.8\n",
+        "kneading 1, `cycles` must be greater than or equal to 0",
+    ),
+    ("cycles,pressure,density_ratio\n0,6e5,1.0\n", "kneading 1, `density_ratio` must be less than 1, got '1.0'"),
     (
         "cycles,density_ratio\n0,0.9\n",
-        "kneading 1 must have cycles, pressure, density_ratio, got cycles, density_ratio",
+        "kneading 1 has no `pressure`, got cycles, density_ratio",
     ),
 ]
 

@@ -115,18 +115,10 @@ def places(values, error=0.0):
     return [Place(i, name, value, 0.1, error, True, "") for i, (name, value) in enumerate(values.items(), start=1)]
 
 
-def by_law(values):
-    return {place.law: place for place in places(values)}
-
-
 VALUES = {"parabolic": 700.0, "harmonic": 720.0, "reversal-4-free-acceleration": 1100.0}
 
 
-def test_marks_of_engines_in_a_ranking_do_not_overlap():
-    beside = {"peak_force": {"formula": by_law(VALUES), "column": by_law(VALUES), "spectral": by_law(VALUES)}}
-    figure = figures.draw_rankings({"peak_force": places(VALUES, 5.0)}, beside)
-    marks = [line for line in figure.axes[0].lines if line.get_label().startswith("by ")]
-    assert [line.get_label() for line in marks] == ["by formula", "by column", "by spectral"]
-    heights = np.array([line.get_ydata() for line in marks])
-    assert np.diff(np.sort(heights, axis=0), axis=0).min() > 0.2  # of a row
-    assert np.abs(heights - np.arange(3)).max() < 0.4  # still in its row
+def test_ranking_has_a_bar_with_its_error_for_each_law():
+    figure = figures.draw_rankings({"peak_force": places(VALUES, 5.0)})
+    assert [bar.get_width() for bar in figure.axes[0].patches] == pytest.approx([0.7, 0.72, 1.1])
+    assert len(figure.axes[0].containers) == 6

@@ -64,7 +64,7 @@ def test_calibrated_scenes_say_so(folder):
         ("load, weight\n1, 2\n", r"trials.csv:2: no column `weight`; a column is a scene key"),
         ("resistance\n10\n", r"trials.csv:2: no column `resistance`; .* need a distance in `expected`"),
         ("layer.fed_density_ratio\n0.94\n", r"trials.csv:2: nothing is measured"),
-        ("load\nheavy\n", r"trials.csv:2: `load` must be a positive number, got 'heavy'"),
+        ("load\nheavy\n", r"trials.csv:2: `load` must be a number, got 'heavy'"),
     ],
 )
 def test_broken_tables_are_refused_with_file_line_and_rule(folder, table, match):

@@ -12,21 +12,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from compact.analysis import contact_cases
 from compact.analysis.contact_cases import (
+    TARGETS,
     HeldQuantity,
     Passes,
     Progress,
     case_of,
     contact_inputs,
+    contact_record,
+    contact_speeds,
+    named_errors,
     nearest_speed,
     process_detail,
     roll_passes,
+    scene_mix,
     solve,
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.multipass import PassEnd
 from compact.analysis.pore_air import (
+    UNDRAINED,
     AirCurve,
     add_air_field,
     air_curve,
@@ -42,6 +47,7 @@ from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.engines.pore_air import NO_FORCES, AirForces
 from compact.material.mix import Mix
+from compact.material.pore_air import PoreAir
 from compact.numerics.validation import require_known
 from compact.rolling_contact import Contact, compaction_rate
 from compact.scene.loader import Scene
@@ -77,16 +83,13 @@ class ContactStage:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        mix: Mix,
-        count: Count = no_count,
-        directory: Path | None = None,
-        progress: Progress | None = None,
+        self, scene: Scene, count: Count = no_count, directory: Path | None = None, progress: Progress | None = None
     ) -> None:
-        self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
+        self.scene, self.mix, self.count, self._directory, self.progress = (
+            scene, scene_mix(scene), count, directory, progress,
+        )  # fmt: skip
         self.engine = ENGINES[scene.accuracy.engine]
-        self.speeds = contact_cases.contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
+        self.speeds = contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
         self.compacts = self.engine.reads(self.engine.fed_key)
         self._second_pass: Job | None = None
 
@@ -163,13 +166,21 @@ class ContactStage:
 
     @cached_property
     def held(self) -> HeldQuantity | None:
-        """Quantity that is constant over speed; None for the formulas."""
+        """Quantity that is constant over speed; None for the formulas.
+
+        It is `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
+        """
         if not self.speeds:
             return None
         if self.kept:
             return self.kept.held
-        known = contact_cases.hold_quantity(self.scene, self.mix)
-        return known or contact_cases.hold_quantity(self.scene, self.mix, self.reference[0])
+        scene, mean = self.scene, self.scene.mean_speed
+        prescribed = next((name for name in ("load", "peak_pressure") if name in scene.target), "height")
+        name = (scene.contact and scene.contact.held) or prescribed
+        target, value = self.engine.target(case_of(scene, self.mix, mean))
+        if target != TARGETS[name]:
+            value = float(getattr(self.reference[0], TARGETS[name]))
+        return HeldQuantity(name, value, mean)
 
     @cached_property
     def passes(self) -> list[tuple[float, Passes]]:
@@ -183,7 +194,7 @@ class ContactStage:
         """Compute all passes at a speed [m/s], from the passes at another one as initial guess."""
         if speed == self.scene.mean_speed:
             return self.reference
-        held = self.held
+        held = self.held  # which may compute the reference
         return self.roll(speed, initial_guess or self.__dict__.get("reference"), held)
 
     @property
@@ -203,8 +214,7 @@ class ContactStage:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        name = self.engine.name
-        return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
+        return [contact_record(self.engine.name, *each, self.air_forces(each[0])) for each in self.passes]
 
     @cached_property
     def roller_load(self) -> float:
@@ -215,18 +225,10 @@ class ContactStage:
         mean = self.scene.mean_speed
         return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
-    @cached_property
-    def fields(self) -> list[tuple[Any, Contact]]:
-        """Mesh with fields, and result, at each speed, by an engine with fields."""
-        found = []
-        for _, result in self.first_passes:
-            self.count("fields")
-            found.append((self.field_mesh(result), result))
-        return found
-
     def field_mesh(self, result: Contact) -> Any:
         """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
         self.require_fields()
+        self.count("fields")
         mesh = self.engine.fields(result)
         if has_air(self.scene):
             add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
@@ -261,7 +263,7 @@ class ContactStage:
         if self.compacts:
             return 0.0, 0.0
         self.count("added mass")
-        with contact_cases.named_errors(self.scene, self.engine.name, speed):
+        with named_errors(self.scene, self.engine.name, speed):
             found = self.engine.expand(self.case(speed))
         return (0.0, 0.0) if found is None else (found.added_mass, found.relaxation_time)
 
@@ -327,6 +329,16 @@ class ContactStage:
         """True if load and resistance contain the pore air."""
         return has_air(self.scene)
 
+    @property
+    def _fed_air(self) -> PoreAir | None:
+        """Pore air of the fed mix; None of drained mix that is occluded as fed."""
+        try:
+            return pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+        except ValueError:
+            if has_air(self.scene):
+                raise
+            return None
+
     @cached_property
     def air_curve(self) -> AirCurve | None:
         """Forces of the pore air at the contact near the mean speed; None for occluded mix and a linear layer.
@@ -340,11 +352,7 @@ class ContactStage:
             return self.kept.air_curve if self.kept else None
         speed, contact = self.typical
         layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
-        try:
-            air = pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
-        except ValueError:
-            if has_air(self.scene):
-                raise
+        if (air := self._fed_air) is None:
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
         if is_coupled(self.scene):
@@ -358,12 +366,21 @@ class ContactStage:
         return self.air_curve.at(speed, self.mix.air_permeability)
 
     def air_forces_of(self, contact: Contact, speed: float) -> AirForces | None:
-        """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
-        return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
+        """Compute the changes of a first pass by its pore air; None for a scene without pressure of the air."""
+        return self.air_band_of(contact, speed)[0] if has_air(self.scene) else None
 
     def air_band_of(self, contact: Contact, speed: float) -> tuple[AirForces, AirForces] | tuple[None, None]:
-        """Return the changes of a first pass one-way and undrained; see `contact_cases.air_band_of`."""
-        return contact_cases.air_band_of(self.scene, self.mix, contact, speed)
+        """Compute the changes of a first pass by its pore air at a speed [m/s] and without drainage.
+
+        They are those at the deformation without air. Both are None for a layer that does not compact, and for drained
+        mix that is occluded as fed.
+        """
+        if not self.engine.reads("mix.pore_air") or (air := self._fed_air) is None:
+            return None, None
+        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed)
+        under = air_under(contact, layer, roller, air)
+        pressure = under.pressure(speed)
+        return under.forces(pressure), under.forces(under.pressure(UNDRAINED * air.permeability, pressure))
 
     @property
     def requires_model_spread(self) -> bool:
@@ -417,7 +434,7 @@ class ProcessStage(ContactStage):
         if duration == self.scene.motion.duration:
             return self
         scene = self.scene.replaced(**{"motion.duration": duration, "motion.other_durations": None})
-        other = ProcessStage(scene, self.mix, self.count, None, self.progress)
+        other = ProcessStage(scene, self.count, None, self.progress)
         other.process = replace(self.process, scene=scene, known=self.process.lifts)
         return other
 
@@ -453,12 +470,8 @@ class ProcessStage(ContactStage):
 
 
 def contact_stage(
-    scene: Scene,
-    mix: Mix,
-    count: Count = no_count,
-    directory: Path | None = None,
-    progress: Progress | None = None,
+    scene: Scene, count: Count = no_count, directory: Path | None = None, progress: Progress | None = None
 ) -> ContactStage:
     """Return the contact stage of a scene; nothing is computed yet."""
     stage = ProcessStage if ENGINES[scene.accuracy.engine].reads("process") else ContactStage
-    return stage(scene, mix, count, directory, progress)
+    return stage(scene, count, directory, progress)

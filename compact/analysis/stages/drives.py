@@ -14,8 +14,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from compact import drive
-from compact.analysis import machine_models
-from compact.analysis.contact_cases import Progress, case_of, nearest_speed, scene_mix
+from compact.analysis.contact_cases import Progress, case_of, nearest_speed
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
 from compact.analysis.stages.laws import LawStage
@@ -128,24 +127,6 @@ class DriveStage:
             for name, cycle in self.cycles.items()
         }
         return DriveStage(self.resistance.over(duration), lambda: cycles)
-
-    @cached_property
-    def cycle_energies(self) -> dict[str, float]:
-        """Energy of a cycle [J] over "fresh" and "compacted" mix on the return stroke; empty without a second pass.
-
-        The drive is rigid, the law is `best_law`.
-        """
-        if self.contacts.second_pass is None:
-            return {}
-        cycle = self.cycles[self.best_law]
-        ratios = {"fresh": (1.0, 1.0), "compacted": self.contacts.second_pass}
-        return {
-            over: drive.simulate(
-                machine_models.cart(self.scene, self.contacts.roller_load, load), drive.Rigid(), cycle,
-                self.resistance.along_stroke(replace(self.resistance.map, return_ratio=resistance)),
-            ).energy
-            for over, (load, resistance) in ratios.items()
-        }  # fmt: skip
 
     def tables(self) -> Iterator[Table]:
         """Yield the further tables of the drive, such as the start of a motor from rest under the first law."""
@@ -334,7 +315,7 @@ def build_stages(
         by default.
     """
     laws = LawStage(scene, count, shortest, own_laws)
-    contacts = contact_stage(scene, scene_mix(scene), count, directory, progress)
+    contacts = contact_stage(scene, count, directory, progress)
     laws.resistance = ResistanceStage(contacts, laws.largest_speed, own_resistance)
     if known_laws:
         laws.prescribed, laws.cycles = map(dict, known_laws)

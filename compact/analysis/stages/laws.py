@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages.contacts import Count, contact_stage
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.cams.machining import cut
@@ -164,7 +163,7 @@ class LawStage:
             for value in (parameter.low, parameter.high):
                 if (name, value, speed) not in self._spread:
                     scene = self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value})
-                    other = ResistanceStage(contact_stage(scene, scene_mix(scene)), lambda: speed)
+                    other = ResistanceStage(contact_stage(scene), lambda: speed)
                     self._spread[name, value, speed] = other.motion_resistance
                 found.append(self._spread[name, value, speed])
         return tuple(found)

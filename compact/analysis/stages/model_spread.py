@@ -18,7 +18,7 @@ from compact.analysis.contact_cases import HeldQuantity, case_of, scene_mix, sol
 from compact.engines import ENGINES
 from compact.engines.interface import Case
 from compact.material.mix import Mix
-from compact.rolling_contact import Contact, Heaping
+from compact.rolling_contact import Heaping
 from compact.scene.loader import Scene
 
 # elements per contact length of "compaction" [-], with 7 the ratios change by up to 3 %; tolerance of the steady state
@@ -110,8 +110,8 @@ def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
     return scene, *(scene.replaced(**keys) for keys in changes)
 
 
-def contact_by_law(held: HeldQuantity, stage_of: Callable[[Scene, Mix], Any], scene: Scene) -> LawVariant:
-    """Compute the contact by the law of a scene.
+def contact_by_law(held: HeldQuantity, stage_of: Callable[[Scene], Any], scene: Scene) -> LawVariant:
+    """Compute the contact by the law of a scene at the mean speed, on a coarse mesh of its own engine.
 
     Parameters
     ----------
@@ -127,11 +127,13 @@ def contact_by_law(held: HeldQuantity, stage_of: Callable[[Scene, Mix], Any], sc
     LawVariant
         With load and resistance of one roller in N/m.
     """
-    mix = scene_mix(scene)
-    cohesion = mix.cohesion_loose if scene.mix.law == LINE else None
-    variant = LawVariant(scene.mix.law, cohesion, mix.saturation_limit)
+    stage = stage_of(scene)
+    stage.held = held
+    cohesion = stage.mix.cohesion_loose if scene.mix.law == LINE else None
+    variant = LawVariant(scene.mix.law, cohesion, stage.mix.saturation_limit)
     try:
-        rolled = _roll(stage_of(scene, mix), held)
+        case = stage.case(scene.mean_speed)
+        rolled = stage.engine.contact(replace(case, **COARSE) if isinstance(case, Case) else case)
     except (ValueError, RuntimeError) as error:
         return replace(variant, heaping=getattr(error, "heaping", None), reason=str(error))
     return replace(variant, load=rolled.load, resistance=rolled.resistance)
@@ -205,10 +207,3 @@ def prior_forces(scene: Scene | None) -> tuple[float, float] | None:
         return None
     length = scene.machine.roller_length
     return found.load * length, found.resistance * length * scene.machine.rollers
-
-
-def _roll(stage: Any, held: HeldQuantity) -> Contact:
-    """Return the contact at the mean speed under a held quantity, on a coarse mesh of its own engine."""
-    stage.held = held
-    case = stage.case(stage.scene.mean_speed)
-    return stage.engine.contact(replace(case, **COARSE) if isinstance(case, Case) else case)

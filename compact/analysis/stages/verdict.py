@@ -27,9 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from compact.analysis.contact_cases import HeldQuantity, process_detail
+from compact.analysis.contact_cases import process_detail
 from compact.analysis.ranking_uncertainty import Place, Places
 from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
+from compact.analysis.stages.kept_results import KeptResults
 from compact.analysis.stages.model_spread import prior_forces
 from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
@@ -55,8 +56,6 @@ class ModelAnswer:
         Places of the laws by duration [s], drive and criterion.
     mean_resistance : dict
         Resistance of one cart at the mean speed by duration of a pass [N].
-    coefficient : dict
-        Rolling-resistance coefficient there [-].
     error : float or None
         Relative estimate of the discretisation error of the resistance [-]; None where the model has none.
     spread : tuple of float or None
@@ -73,12 +72,10 @@ class ModelAnswer:
         Load on a roller and resistance of a cart with nothing fitted, on the layer of the scene [N]; or None.
     steady, turning : optional
         Its part far from a turn, and the shares after a turn over the distance to fresh mix, see `ResistanceStage`.
-    records, held, second_pass, key
-        Contacts, held quantity, ratios of a second pass where the return stroke requires them, and key of the contacts.
     return_load_ratio : float
         Load on the return stroke over that on the forward stroke [-].
-    lifts : KnownLifts or None
-        Lumped lifts of a forming process, without their fields.
+    kept, key : KeptResults or None, and str
+        Contacts and map of a layered engine for the next run, and key of the contacts.
     counts : Counter
         Number of runs of each stage in another process.
     warned : tuple of str
@@ -89,7 +86,6 @@ class ModelAnswer:
     invalid: str
     places: dict[float, Places]
     mean_resistance: dict[float, float]
-    coefficient: dict[float, float]
     error: float | None
     spread: tuple[float, float] | None
     resistance: Any = None
@@ -99,12 +95,9 @@ class ModelAnswer:
     fitted: tuple[str, ...] = ()
     roller_load: float = math.nan
     prior: tuple[float, float] | None = None
-    records: Sequence[Contact] = ()
-    held: HeldQuantity | None = None
-    second_pass: tuple[float, float] | None = None
-    key: str = ""
     return_load_ratio: float = 1.0
-    lifts: Any = None
+    kept: KeptResults | None = None
+    key: str = ""
     counts: Counter[str] = field(default_factory=Counter)
     warned: tuple[str, ...] = ()
 
@@ -112,6 +105,11 @@ class ModelAnswer:
     def valid(self) -> bool:
         """True if the model may size a drive."""
         return not self.invalid
+
+    @property
+    def records(self) -> Sequence[Contact]:
+        """Contacts over the speed; empty for the formulas."""
+        return self.kept.contacts if self.kept else ()
 
     def first(self, duration: float, drive: str, by: str) -> list[Place]:
         """Return the places of rank 1; empty if all values are infinite.
@@ -159,16 +157,10 @@ class Verdict:
         Recommended law.
     contenders : tuple of str
         Laws that tie for rank 1, the recommended one first; laws that are the same motion are named once.
-    resolved : bool
-        True if the valid models agree on rank 1 beyond their errors, the spread of the mix and that of the drive.
-    agree : bool
-        True if the first law of every valid model is the recommended one, whatever the errors.
     value : float
         Peak of the recommended law by the engine of the scene [N] or [W].
     values : dict
         The same by every valid model.
-    regret : float
-        Largest excess of the recommended law over the least value of a valid model [-].
     """
 
     by: str
@@ -176,11 +168,8 @@ class Verdict:
     duration: float
     law: str
     contenders: tuple[str, ...]
-    resolved: bool
-    agree: bool
     value: float
     values: dict[str, float]
-    regret: float
 
 
 def sizing_model(models: Sequence[ModelAnswer]) -> ModelAnswer:
@@ -200,35 +189,41 @@ def model_answer(
     prior : tuple of float, optional
         Load on a roller and resistance of a cart with nothing fitted [N].
     """
-    contacts, scene, records = stages.contacts, stages.contacts.scene, stages.contacts.records
-    motion, machine = scene.motion, scene.machine
+    contacts, resistance = stages.contacts, stages.resistance
+    scene, records, motion = contacts.scene, contacts.records, contacts.scene.motion
     drives = {motion.duration: stages.drive, **stages.drive.other_durations}
-    forces, coefficients = {}, {}
-
-    def at(speed: float, name: str) -> float:
-        """Interpolate a quantity of the contacts over the logarithm of the speed."""
-        known = np.log([each.speed for each in records])
-        return float(np.interp(np.log(speed), known, [getattr(each, name) for each in records]))
-
+    forces, ratio, kept = {}, None, None
     for duration, drive in drives.items():
-        speed = motion.stroke / duration
-        forces[duration] = float(np.ravel(drive.resistance.resistance(np.array([speed]), np.zeros(1)))[0])
-        load = machine.roller_length * at(speed, "load") if records else contacts.roller_load
-        coefficients[duration] = forces[duration] / (machine.rollers * load)
-    ratio = None
+        speed = np.array([motion.stroke / duration])
+        forces[duration] = float(np.ravel(drive.resistance.resistance(speed, np.zeros(1)))[0])
     if contacts.process is None:
-        with warnings.catch_warnings():  # a thin layer is in the verdict
-            warnings.simplefilter("ignore")
-            length = at(scene.mean_speed, "contact_length") if records else contacts.typical[1].contact_length
+        with warnings.catch_warnings(action="ignore"):  # a thin layer is in the verdict
+            known = records or [contacts.typical[1]]
+            speeds, lengths = np.array([[abs(each.speed), each.contact_length] for each in known]).T
+        length = float(np.interp(np.log(scene.mean_speed), np.log(speeds), lengths)) if records else lengths[0]
         ratio = scene.lift_thickness / length if length > 0 else math.inf
+    if contacts.held is not None:
+        second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
+        lifts = contacts.process.lifts if contacts.process else None
+        kept = KeptResults(records, contacts.held, second_pass, resistance.map, lifts=lifts and lifts.bare, prior=prior)
     return ModelAnswer(
-        scene.accuracy.engine, reason_against(scene, ratio),
-        {duration: drive.places for duration, drive in drives.items()}, forces, coefficients, stages.resistance.error,
-        spread, stages.resistance.resistance, stages.resistance.steady_law, stages.resistance.turning, ratio,
-        fitted_inputs(scene), contacts.roller_load, prior, records, contacts.held,
-        contacts.second_pass if scene.layer.return_stroke == "compacted" else None, contacts.key,
-        contacts.return_ratios[0], contacts.process and contacts.process.lifts and contacts.process.lifts.bare,
-    )  # fmt: skip
+        engine=scene.accuracy.engine,
+        invalid=ENGINES[scene.accuracy.engine].valid(ratio, process_detail(scene)),
+        places={duration: drive.places for duration, drive in drives.items()},
+        mean_resistance=forces,
+        error=resistance.error,
+        spread=spread,
+        resistance=resistance.resistance,
+        steady=resistance.steady_law,
+        turning=resistance.turning,
+        height_ratio=ratio,
+        fitted=fitted_inputs(scene),
+        roller_load=contacts.roller_load,
+        prior=prior,
+        return_load_ratio=contacts.return_ratios[0],
+        kept=kept,
+        key=contacts.key,
+    )
 
 
 class Governing(NamedTuple):
@@ -329,24 +324,6 @@ def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None, prior: Scen
     return replace(found, counts=counts, warned=tuple(dict.fromkeys(str(each.message) for each in warned)))
 
 
-def reason_against(scene: Scene, height_ratio: float | None) -> str:
-    """State why the engine of a scene may not size a drive.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the engine.
-    height_ratio : float or None
-        Height of the layer over the contact length [-].
-
-    Returns
-    -------
-    str
-        Empty if the engine may.
-    """
-    return ENGINES[scene.accuracy.engine].valid(height_ratio, process_detail(scene))
-
-
 def fitted_inputs(scene: Scene) -> tuple[str, ...]:
     """Return the inputs of the engine of a scene that `[mix.fitted_at]` lists.
 
@@ -384,7 +361,12 @@ def verdict(
     lead, laws = next(iter(values.values())), set.intersection(*map(set, values.values()))
     if not laws:
         return None
-    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)}
+    found: set[str] = set()  # laws that are first by a model, or within its errors or the build tolerance of the first
+    for each in valid:
+        finite = [place for place in each.places[duration][drive][by] if not place.reason]
+        first = finite[0]
+        limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
+        found |= {place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1}
     ends = set(firsts)
     least = {engine: min(each.values()) for engine, each in values.items()}
 
@@ -403,33 +385,6 @@ def verdict(
     for law in (*by_regret(found), *by_regret(ends - found)):
         if law in ends or not any(same(law, known) for known in distinct):
             distinct.append(law)
-    first = distinct[0]
-    agree = all(first in {place.law for place in each.first(duration, drive, by)} for each in valid)
-    return Verdict(
-        by, drive, duration, first, tuple(distinct), len(distinct) == 1, agree,
-        values.get(models[0].engine, lead)[first], {engine: each[first] for engine, each in values.items()},
-        regret(first),
-    )  # fmt: skip
-
-
-def contenders(order: Sequence[Place], by: str) -> list[str]:
-    """Return the laws that are first, or within the errors or the build tolerance of the first law.
-
-    Parameters
-    ----------
-    order : sequence of Place
-        Places of one model, in order.
-    by : str
-        Criterion.
-
-    Returns
-    -------
-    list of str
-        Names of laws.
-    """
-    finite = [place for place in order if not place.reason]
-    if not finite:
-        return []
-    first = finite[0]
-    limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
-    return [place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1]
+    law, *_ = distinct
+    peaks = {engine: each[law] for engine, each in values.items()}
+    return Verdict(by, drive, duration, law, tuple(distinct), values.get(models[0].engine, lead)[law], peaks)
