@@ -131,13 +131,15 @@ CONTACT = _table("""
     air_excess_behind         | Pa  | kPa  |   | largest excess pressure of pore air behind the contact
 """)
 SPEED = CONTACT["speed"]
+
+
+def _of(table: Mapping[str, Quantity], names: str) -> dict[str, Quantity]:
+    """Quantities of a record that has fields of another one."""
+    return {name: table[name] for name in names.split()}
+
+
 # Fields of one pass over a compacting layer
-PASS = {
-    name: CONTACT[name]
-    for name in (
-        "load", "resistance", "indentation", "exit_height", "exit_density_ratio", "work_residual", "mass_residual",
-    )
-}  # fmt: skip
+PASS = _of(CONTACT, "load resistance indentation exit_height exit_density_ratio work_residual mass_residual")
 # Fields of the engineering formulas 1.1-1.10 and of Galin's exact contact
 FORMULA = _table("""
     pressure               | Pa  | kPa |   | peak contact pressure
@@ -154,10 +156,8 @@ FORMULA = _table("""
     radius_high            | m   | mm  |   | largest roller radius
     rollers_needed         | 1   |     |   | required number of rollers
     stroke_needed          | m   |     |   | required stroke
-    exact_capture_angle    | rad | °   | φ | contact angle
-    exact_roller_force     | N   | kN  |   | load on one roller
-    exact_contact_length   | m   | mm  |   | contact length | contact length: from trailing to leading edge
 """)
+FORMULA |= {f"exact_{name}": FORMULA[name] for name in ("capture_angle", "roller_force", "contact_length")}
 # Numbers of one point of a sweep
 SWEEP_POINT = _table("""
     load                   | N   | kN  |   | load on one roller | normal force on one roller
@@ -166,15 +166,12 @@ SWEEP_POINT = _table("""
     power                  | W   |     |   | power at the mean speed | resistance of one cart times the mean speed
     capture_angle          | rad | °   | φ | contact angle | entry angle, from the lowest generatrix
     contact_length         | m   | mm  |   | contact length | from the trailing to the leading edge; eq 1.7 by formula
-    peak_pressure          | Pa  | kPa |   | peak contact pressure
     exit_density_ratio     | 1   |     | k | exit density ratio | mean behind the last pass, of compacting layers
     load_error             | 1   |     |   | relative error estimate of the load
     resistance_error       | 1   |     |   | relative error estimate of the resistance
-    work_residual          | 1   |     |   | energy-balance residual | relative residual
-    mass_residual          | 1   |     |   | mass-balance residual | relative, of compacting layers only
     required_pressure      | Pa  | kPa |   | required pressure | pressure at which the mix reaches its density ratio
     saturation             | 1   |     |   | degree of saturation | share of the pore volume filled with water
-""")
+""") | _of(CONTACT, "peak_pressure work_residual mass_residual")
 # Further numbers of a point of a sweep by columns that finite elements correct
 SWEEP_CORRECTION = _table("""
     load_factor              | 1 |  |   | load over that of columns
@@ -253,7 +250,6 @@ PROCESS = _table("""
     load_centre           | m    |       |   | centre of the load from the empty mould
     skew_moment           | Nm   |       |   | skew moment of the load about the middle of the roller
     load_unevenness       | 1    |       |   | largest over mean load per roller length
-    peak_pressure         | Pa   | kPa   |   | peak contact pressure
     strokes               | 1    |       | N | strokes on a section
     largest_bite          | m    | mm    |   | largest bite
     bite_limit            | m    | mm    |   | bite at the nip angle
@@ -261,33 +257,27 @@ PROCESS = _table("""
     product_density_ratio | 1    |       | k | density ratio of the product
     confined_work         | J/m3 | kJ/m³ |   | work of confined compression per volume of the product
     rate_factor           | 1    |       |   | factor of the yield pressure by the rate of compaction
-    mass_residual         | 1    |       |   | mass-balance residual | relative, of compacting layers only
-    work_residual         | 1    |       |   | energy-balance residual | relative residual
-""")
+""") | _of(CONTACT, "peak_pressure work_residual mass_residual")
 # Further results of lumped lifts in two dimensions
-PROCESS_LIFTS = _table("""
-    load_centre           | m    |       |   | centre of the load from the empty mould
-    skew_moment           | Nm   |       |   | skew moment of the load about the middle of the roller
+PROCESS_LIFTS = (
+    _table("""
     specific_work         | J/m3 | kJ/m³ |   | work per volume of the product
     middle_density_ratio  | 1    |       | k | density ratio of the middle quarter
     bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
     top_density_ratio     | 1    |       | k | density ratio of the top quarter
     saturated_height      | m    | mm    |   | height with a density ratio above 0.99
     surface               | m    | mm    |   | height behind the roller
-    air_excess_behind     | Pa   | kPa   |   | largest excess pressure of pore air behind the contact
     gyrations             | 1    |       | n | gyrations of a compactor with the same shear work over pressure
     largest_work_residual | 1    |       |   | largest energy-balance residual of a pass
 """)
+    | _of(PROCESS, "load_centre skew_moment")
+    | _of(CONTACT, "air_excess_behind")
+)
 # One stroke on a section, per unit roller length
 STROKE = _table("""
     position      | m   |      | z | position along the roller, from the empty mould
     make_up       | m   | mm   |   | make-up
     bite          | m   | mm   |   | bite
-    load          | N/m | kN/m | P | load
-    resistance    | N/m | kN/m |   | rolling resistance
-    peak_pressure | Pa  | kPa  |   | peak contact pressure
-    leading       | m   | mm   |   | leading edge
-    trailing      | m   | mm   |   | trailing edge
     surface       | m   | mm   |   | height behind the roller
     density_ratio | 1   |      | k | mean density ratio behind the roller
-""")
+""") | _of(CONTACT, "load resistance peak_pressure leading trailing")

@@ -71,9 +71,9 @@ def test_folders_and_modules_have_a_readable_size():
 
 
 BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
-    "engines": 6946, "analysis": 5263, "report": 2374, "machine": 2721, "scene": 1679, "motion": 1093, "material": 1111,
+    "engines": 6946, "analysis": 5208, "report": 2368, "machine": 2721, "scene": 1679, "motion": 1093, "material": 1111,
     "sweep": 629, "cams": 514, "validation": 489, "api": 459, "numerics": 533, "cli": 535, "verification": 254,
-    "interfaces": 242, "modules": 1364,
+    "interfaces": 242, "modules": 1349,
 }  # fmt: skip
 
 

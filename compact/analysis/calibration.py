@@ -12,7 +12,7 @@ swings on its blocked drive:
     deflection = zero + force/k + sign(force) backlash/2,   k = m omega^2,   c = 2 zeta sqrt(k m)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -368,65 +368,51 @@ class Estimate:
         width = student.ppf((1 + CONFIDENCE) / 2, self.freedom) * self.error if self.freedom else np.nan
         return float(abs(width / self.value)) if self.value else np.nan
 
-
-@dataclass(frozen=True)
-class DriveCalibration:
-    """Stiffness [N/m], damping [N s/m] and backlash [m] of a drive by its tests; None without a test for it.
-
-    Parameters
-    ----------
-    tapped_stiffness : Estimate or None
-        Stiffness by taps, m omega^2 [N/m]; `stiffness` itself without deflections.
-    """
-
-    stiffness: Estimate
-    damping: Estimate | None
-    backlash: Estimate | None
-    tapped_stiffness: Estimate | None
-
     @property
-    def scene_lines(self) -> list[str]:
-        """Lines of the table [drive] of a scene, with the spread of each value in its comment."""
-        named = {"stiffness": "N/m", "damping": "N s/m", "backlash": "m"}
-        found = {name: each for name in named if (each := getattr(self, name)) is not None}
-        remarks = {
-            name: "measured" if np.isnan(each.spread) else f"measured ± {100 * each.spread:.2g} %"
-            for name, each in found.items()
-        }
-        return [f"{name} = {each.value:.6g}  # {named[name]}; {remarks[name]}" for name, each in found.items()]
+    def origin(self) -> str:
+        """Origin as the comment of a scene states it, with the spread."""
+        return "measured" if np.isnan(self.spread) else f"measured ± {100 * self.spread:.2g} %"
 
 
-def calibrate_drive(scene: Scene, measured: Measured) -> DriveCalibration:
+DRIVE_UNITS = {"stiffness": "N/m", "damping": "N s/m", "backlash": "m"}
+
+
+def calibrate_drive(scene: Scene, measured: Measured) -> dict[str, Estimate]:
     """Determine stiffness, damping and backlash of an elastic drive from deflection and tap tests.
+
+    Returns
+    -------
+    dict of str to Estimate
+        By the names of `DRIVE_UNITS`, without those that no test determines, and "tapped_stiffness", m omega^2 [N/m].
 
     Raises
     ------
     SceneError
         If the deflections do not determine a positive stiffness.
     """
-    mass = scene.machine.mass
-    bent = _slope(measured.deflections) if measured.deflections else None
-    tapped = [each.natural_frequency for each in measured.taps]
-    swung = _mean([mass * rate**2 for rate in tapped])
-    stiffness = bent[0] if bent else swung
-    if stiffness is None or not 0 < stiffness.value < np.inf:
+    mass, rates = scene.machine.mass, [each.natural_frequency for each in measured.taps]
+    found: dict[str, Estimate] = {}
+    if rates:
+        ratios = [each.damping_ratio for each in measured.taps]
+        found["stiffness"] = found["tapped_stiffness"] = _mean([mass * rate**2 for rate in rates])
+        found["damping"] = _mean([2 * ratio * rate * mass for ratio, rate in zip(ratios, rates, strict=True)])
+    if measured.deflections:
+        found |= _bent(measured.deflections)
+    if not 0 < found["stiffness"].value < np.inf:
         raise SceneError(
             ["drive.stiffness: the readings have no positive slope; read force and deflection at two loads"]
         )
-    damping = _mean([2 * each.damping_ratio * rate * mass for each, rate in zip(measured.taps, tapped, strict=True)])
-    return DriveCalibration(stiffness, damping, bent[1] if bent else None, swung)
+    return found
 
 
-def _mean(values: Sequence[float]) -> Estimate | None:
-    """Return mean and standard error of repeated values; None without any."""
-    if not values:
-        return None
+def _mean(values: Sequence[float]) -> Estimate:
+    """Return mean and standard error of repeated values."""
     freedom = len(values) - 1
     error = np.std(values, ddof=1) / np.sqrt(len(values)) if freedom else np.nan
     return Estimate(float(np.mean(values)), float(error), freedom)
 
 
-def _slope(readings: Sequence[Deflection]) -> tuple[Estimate, Estimate | None]:
+def _bent(readings: Sequence[Deflection]) -> dict[str, Estimate]:
     """Fit a line of deflection over force by least squares; stiffness, and backlash where both signs are read.
 
     One reading has its zero at no deflection.
@@ -437,17 +423,23 @@ def _slope(readings: Sequence[Deflection]) -> tuple[Estimate, Estimate | None]:
     terms = np.column_stack(columns)
     found, _, rank, _ = np.linalg.lstsq(terms / np.abs(terms).max(0), deflection)
     if rank < len(columns):
-        return Estimate(np.nan, np.nan, 0), None
+        return {"stiffness": Estimate(np.nan, np.nan, 0)}
     found, freedom = found / np.abs(terms).max(0), len(force) - len(columns)
     variance = np.sum((terms @ found - deflection) ** 2) / freedom if freedom else np.nan
     errors = np.sqrt(variance * np.diag(np.linalg.inv(terms.T @ terms)))
     with np.errstate(divide="ignore"):
         stiffness = 1 / found[0]
-    backlash = Estimate(float(found[2]), float(errors[2]), freedom) if both else None
-    return Estimate(float(stiffness), float(errors[0] * stiffness**2), freedom), backlash
+    known = {"stiffness": Estimate(float(stiffness), float(errors[0] * stiffness**2), freedom)}
+    return known | ({"backlash": Estimate(float(found[2]), float(errors[2]), freedom)} if both else {})
 
 
-def drive_digest(found: DriveCalibration, mass: float) -> str:
+def with_scene_lines(lines: Iterable[str], tables: Mapping[str, Sequence[str]]) -> str:
+    """Return a text, and the lines for the tables of the scene."""
+    of_tables = (line for table, keys in tables.items() for line in (f"[{table}]", *keys))
+    return "\n".join([*lines, "", "for the scene:", *of_tables])
+
+
+def drive_digest(found: Mapping[str, Estimate], mass: float) -> str:
     """Describe a calibration of the drive in text: values, standard errors, and the lines for the scene.
 
     Parameters
@@ -455,25 +447,19 @@ def drive_digest(found: DriveCalibration, mass: float) -> str:
     mass : float
         Mass of the cart [kg].
     """
-    lines = []
-    for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"), ("backlash", "m")):
-        each = getattr(found, name)
-        if each is not None:
-            told = "one reading, no error" if np.isnan(each.error) else f"standard error {each.error:.2g} {unit}"
-            lines.append(f"{name:<12}{each.value:>12.5g} {unit:<6} {told}")
-    critical = 2 * np.sqrt(found.stiffness.value * mass)
-    if found.damping is not None:
-        lines.append(f"damping ratio {found.damping.value / critical:.3g} with the cart of {mass:g} kg")
-    if found.tapped_stiffness not in (None, found.stiffness):
-        swinging = found.stiffness.value / found.tapped_stiffness.value * mass
+    lines, keys, stiffness = [], [], found["stiffness"]
+    for name, unit in ((name, unit) for name, unit in DRIVE_UNITS.items() if name in found):
+        each = found[name]
+        told = "one reading, no error" if np.isnan(each.error) else f"standard error {each.error:.2g} {unit}"
+        lines.append(f"{name:<12}{each.value:>12.5g} {unit:<6} {told}")
+        keys.append(f"{name} = {each.value:.6g}  # {unit}; {each.origin}")
+    if "damping" in found:
+        ratio = found["damping"].value / (2 * np.sqrt(stiffness.value * mass))
+        lines.append(f"damping ratio {ratio:.3g} with the cart of {mass:g} kg")
+    if (tapped := found.get("tapped_stiffness", stiffness)) is not stiffness:
+        swinging = stiffness.value / tapped.value * mass
         lines.append(f"the frequency is that of {swinging:.4g} kg on this stiffness, the scene has {mass:g} kg")
-    return "\n".join([*lines, "", "for the scene:", "[drive]", *found.scene_lines])
-
-
-def drive_summary(found: DriveCalibration) -> dict[str, Any]:
-    """Convert a calibration of the drive to plain numbers for JSON, SI."""
-    named = {name: getattr(found, name) for name in ("stiffness", "damping", "backlash", "tapped_stiffness")}
-    return {name: vars(each) | {"spread": each.spread} for name, each in named.items() if each is not None}
+    return with_scene_lines(lines, {"drive": keys})
 
 
 def fit_slope(readings: Sequence[Compression]) -> Estimate:
@@ -487,48 +473,43 @@ def fit_slope(readings: Sequence[Compression]) -> Estimate:
     loosest = min(each.density_ratio for each in readings)
     if loosest <= LOOSE:
         raise SceneError([f"compression: density_ratio must be above that of loose mix, {LOOSE:g}, got {loosest:g}"])
-    found = _mean([np.log((1 - LOOSE) / (1 - each.density_ratio)) / each.pressure for each in readings])
-    assert found is not None  # of at least one reading
-    return found
+    return _mean([np.log((1 - LOOSE) / (1 - each.density_ratio)) / each.pressure for each in readings])
 
 
 def slope_digest(scene: Scene, found: Estimate) -> str:
     """Describe a fit of the Heckel slope at the moisture of a scene in text, with the lines for it."""
-    told = "measured" if np.isnan(found.spread) else f"measured ± {100 * found.spread:.2g} %"
     lines = [f"Heckel slope {found.value * 1e6:.3g} per MPa by {found.freedom + 1} readings of confined compression"]
     if found.value <= STATIC_SLOPES[2]:
         lines.append(
             "a slope as of unkneaded mix, for process.kneading; a pass over kneaded mix has about three times it"
         )
-    return "\n".join([
-        *lines, "", "for the scene:", "[mix.overrides]", f"heckel_slope = {found.value:.4g}  # 1/Pa; {told}",
-        "[mix.fitted_at]", f"moisture = {scene.mix.moisture:g}", f"density_ratio = {scene.mix.density_ratio:g}",
-        'parameters = ["heckel_slope"]',
-    ])  # fmt: skip
+    place = [f"moisture = {scene.mix.moisture:g}", f"density_ratio = {scene.mix.density_ratio:g}"]
+    return with_scene_lines(lines, {
+        "mix.overrides": [f"heckel_slope = {found.value:.4g}  # 1/Pa; {found.origin}"],
+        "mix.fitted_at": [*place, 'parameters = ["heckel_slope"]'],
+    })  # fmt: skip
 
 
 def value_lines(scene: Scene, values: Sequence[KeyValue]) -> str:
     """Return the lines for the scene of measured values, after validation of each; SceneError for a mistake."""
     scene.require_fields(**{each.key: each.value for each in values})
-    lines = ["for the scene:"]
+    tables: dict[str, list[str]] = {}
     for each in values:
-        table, _, name = each.key.rpartition(".")
-        unit = unit_of(each.key)
-        lines += [f"[{table}]", f"{name} = {each.value:g}  #{unit}; measured ± {each.error:g}{unit}"]
-    return "\n".join(lines)
+        (table, _, name), unit = each.key.rpartition("."), unit_of(each.key)
+        tables.setdefault(table, []).append(f"{name} = {each.value:g}  #{unit}; measured ± {each.error:g}{unit}")
+    return with_scene_lines((), tables).lstrip()
 
 
 def kneading_digest(found: KneadingFit) -> str:
     """Describe a fit of kneading in text, with the lines for the scene."""
     slopes, (gain, exponent) = found.static_slopes, (found.kneading.gain, found.kneading.exponent)
     lines = [f"static Heckel slope {slope * 1e6:.3g} per MPa {name}".rstrip() for name, slope in slopes.items()]
+    lines.append(f"gain {gain:.3g} at the first gyration, exponent {exponent:.3g}; rms of the density {found.rms:.2g}")
     mean = float(np.exp(np.mean(np.log([*slopes.values()]))))
-    return "\n".join([
-        *lines, f"gain {gain:.3g} at the first gyration, exponent {exponent:.3g}; rms of the density {found.rms:.2g}",
-        "",
-        "for the scene:", "[mix.overrides]", f"heckel_slope = {mean:.4g}  # 1/Pa; static, measured", "[process]",
-        f"kneading = [{gain:.4g}, {exponent:.4g}]  # measured",
-    ])  # fmt: skip
+    return with_scene_lines(lines, {
+        "mix.overrides": [f"heckel_slope = {mean:.4g}  # 1/Pa; static, measured"],
+        "process": [f"kneading = [{gain:.4g}, {exponent:.4g}]  # measured"],
+    })  # fmt: skip
 
 
 def calibration_digest(calibration: Calibration) -> str:

@@ -149,37 +149,15 @@ class LaboratoryProgramme:
             found.append(self.path(specimen, LATERAL_SHARES[-1]).pure_shear())
         return tuple(found)
 
-    def test(self, name: str, specimen: str = "loose", lateral_pressure: float | None = None) -> MaterialTest:
-        """Return the first test with a name and a specimen.
-
-        Parameters
-        ----------
-        name : str
-            Kind of test, as of `MaterialTest`.
-        specimen : {"loose", "compacted"}
-            Specimen.
-        lateral_pressure : float, optional
-            Pressure before the test [Pa]; any by default.
-
-        Returns
-        -------
-        MaterialTest
-
-        Raises
-        ------
-        KeyError
-            If there is no such test.
-        """
-        for each in self.tests:
-            if (each.name, each.specimen) == (name, specimen) and lateral_pressure in (None, each.lateral_pressure):
-                return each
-        raise KeyError(f"no test {name!r} of the {specimen} specimen at {lateral_pressure!r} Pa")
+    def test(self, name: str, specimen: str = "loose") -> MaterialTest:
+        """Return the first test of a kind, as of `MaterialTest`, with a specimen, "loose" or "compacted"."""
+        return next(each for each in self.tests if (each.name, each.specimen) == (name, specimen))
 
     @property
     def earth_pressure_coefficient(self) -> float:
         """Lateral over vertical stress at the end of the oedometer's loading [-]."""
         test = self.test("oedometer")
-        end = int(test.axial_stress.argmax())
+        end = test.axial_stress.argmax()
         return float(test.lateral_stress[end] / test.axial_stress[end])
 
     def heckel_slope(self) -> float:

@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from compact.analysis.calibration import with_scene_lines
 from compact.analysis.process import MET, MINUTE, ProcessStudy
 from compact.engines.process.lifts import KnownLifts
 from compact.engines.process.strokes import SEARCH_LAYERS
@@ -185,10 +186,10 @@ def window_digest(found: WindowFit) -> str:
         lines.append(
             f"{speed:>12.3g}{row.strokes_per_minute:>13.4g}{told[0]:>15}{ratio:>8.4f}{told[1]:>10}{force:>8.0f}"
         )
-    lines += ["", "for the scene, in place of process.gap or process.product_density_ratio:"]
-    for key, value in found.values.items():
-        table, _, name = key.rpartition(".")
-        lines += [f"[{table}]", f"{name} = {value:.5g}  # measured; before {found.before[key]:.4g}"]
     ranges = measured_ranges([row for row, *_ in found.rows])
-    lines += ["[process]", *(f"{key.rpartition('.')[2]} = {ends}  # of the rows" for key, ends in ranges.items())]
-    return "\n".join(lines)
+    words = {key: f"{value:.5g}  # measured; before {found.before[key]:.4g}" for key, value in found.values.items()}
+    tables: dict[str, list[str]] = {}
+    for key, value in (words | {key: f"{ends}  # of the rows" for key, ends in ranges.items()}).items():
+        table, _, name = key.rpartition(".")
+        tables.setdefault(table, []).append(f"{name} = {value}")
+    return with_scene_lines([*lines, "", "in place of process.gap or process.product_density_ratio"], tables)

@@ -87,7 +87,7 @@ class Study:
         machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
-        self._executor: Executor = SerialExecutor()
+        self.executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
         self.stages = build_stages(scene, self.count, directory, progress, shortest=shortest)
 
@@ -130,9 +130,19 @@ class Study:
         return None if curve is None else air_answer(curve, self.stages.contacts.mix, self.scene.mean_speed)
 
     @property
-    def _sizing_peaks(self) -> list[str]:
+    def sizing_peaks(self) -> list[str]:
         """Criteria of the verdict that the scene ranks by."""
         return [by for by in SIZING_PEAKS if by in self.scene.drive.rank_by]
+
+    @property
+    def case(self) -> tuple[float, str]:
+        """Duration of a pass [s] and kind of drive of the scene."""
+        return self.scene.motion.duration, self.scene.drive.kind
+
+    @cached_property
+    def nominal_verdicts(self) -> dict[str, Verdict]:
+        """Verdicts by criterion without the sources of uncertainty; absent where no law has a finite value."""
+        return {by: each for by in self.sizing_peaks if (each := verdict(self.models, *self.case, by))}
 
     @cached_property
     def models(self) -> list[ModelAnswer]:
@@ -159,33 +169,27 @@ class Study:
         """
         if "report" not in self.scene.output.items or not any(each.valid for each in self.models):
             return None
-        case = self.scene.motion.duration, self.scene.drive.kind
-        known = {by: each for by in self._sizing_peaks if (each := verdict(self.models, *case, by))}
-        if not known:
+        if not self.nominal_verdicts:
             return None
         self.count("uncertainty")
-        spread = self.models[0].spread
-        return ranking_uncertainty(self.stages, self.models, known, spread, self._executor, self._candidates)
+        return ranking_uncertainty(self)
 
     @cached_property
-    def _candidates(self) -> tuple[str, ...]:
+    def candidates(self) -> tuple[str, ...]:
         """Laws of which one is decided."""
-        case, peaks = (self.scene.motion.duration, self.scene.drive.kind), self._sizing_peaks
-        firsts = [each.law for by in peaks if (each := verdict(self.models, *case, by))]
-        named = [*firsts, *self.stages.laws.robust]
-        return candidates(self.models, case, peaks, self.stages.laws.cycles, named) if peaks else ()
+        named = [*(each.law for each in self.nominal_verdicts.values()), *self.stages.laws.robust]
+        peaks = self.sizing_peaks
+        return candidates(self.models, self.case, peaks, self.stages.laws.cycles, named) if peaks else ()
 
     @cached_property
     def choice(self) -> Choice | None:
         """Decided law and alternative; None where no law has finite peaks."""
-        case = self.scene.motion.duration, self.scene.drive.kind
-        return choose(self.models, case, self._candidates, self._sizing_peaks, self.uncertainty)
+        return choose(self.models, self.case, self.candidates, self.sizing_peaks, self.uncertainty)
 
     @cached_property
     def decision(self) -> Decision | None:
         """Decided law with the sizes of its machine, and one alternative; None where no law has finite peaks."""
-        found = (self.models, self.uncertainty, self.model_spread, self.machine_sizing, self._sizing_peaks)
-        return None if self.choice is None else decide(self.choice, self.stages, *found)
+        return decide(self)
 
     @cached_property
     def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
@@ -193,10 +197,10 @@ class Study:
 
         Those of the duration and drive of the scene include the spread of the mix and of its laws.
         """
-        own, found = (self.scene.motion.duration, self.scene.drive.kind), {}
+        found = {}
         for duration, drive in ((each, kind) for each, places in self.models[0].places.items() for kind in places):
-            for by in self._sizing_peaks:
-                firsts = self.uncertainty.first_laws(by) if own == (duration, drive) and self.uncertainty else ()
+            for by in self.sizing_peaks:
+                firsts = self.uncertainty.first_laws(by) if self.case == (duration, drive) and self.uncertainty else ()
                 if each := verdict(self.models, duration, drive, by, firsts):
                     found[duration, drive, by] = each
         return found
@@ -204,8 +208,7 @@ class Study:
     @property
     def governing(self) -> list[Governing]:
         """Pass over fresh mix and forming process at the duration and drive of the scene, the larger of which sizes."""
-        own = self.scene.motion.duration, self.scene.drive.kind
-        verdicts = [each for key, each in self.verdicts.items() if key[:2] == own]
+        verdicts = [each for key, each in self.verdicts.items() if key[:2] == self.case]
         found = governing(governing_pair(self.models), verdicts, self.scene.motion.duration)
         return [*found, *self.machine_sizing.compared.values()]
 
@@ -251,16 +254,16 @@ class Study:
     def helped(self, executor: Executor) -> Iterator[None]:
         """Run the engines of the comparison by an executor of `worker_pool` while this process computes its part."""
         with executor:
-            self._executor = executor
+            self.executor = executor
             _ = self._answers
             try:
                 yield
             finally:
-                self._executor = SerialExecutor()
+                self.executor = SerialExecutor()
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> Job:
         """Start a task by the executor of `helped`; without one it runs in this process when it is waited for."""
-        return self._executor.submit(work, task)
+        return self.executor.submit(work, task)
 
     @cached_property
     def _answers(self) -> dict[str, Job]:

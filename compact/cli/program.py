@@ -490,7 +490,7 @@ def calibrate(
     told = []
     if readings.of_drive:
         drive = calibration.calibrate_drive(given, readings)
-        summary["drive"] = calibration.drive_summary(drive)
+        summary["drive"] = {name: vars(each) | {"spread": each.spread} for name, each in drive.items()}
         told.append(calibration.drive_digest(drive, given.machine.mass))
     if readings.kneading:
         kneaded = fit_kneading(readings.kneading, mix.LOOSE_DENSITY_RATIO)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -22,7 +21,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from compact.files import write_csv, write_figure
 from compact.quantities import CRITERIA, SWEEP_POINT, unit_symbol
-from compact.report.figures import label_contours, law_style
+from compact.report.figures import PALETTE, label_contours, law_style
 from compact.scene.schema import declared_keys, extra_of
 from compact.sweep.sobol_indices import Index, SobolTable
 
@@ -53,7 +52,7 @@ def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> 
         write_csv(directory / "sobol.csv", ("quantity", "input", *Index._fields), rows)
         write_figure(directory / "sobol.png", draw_sobol_indices(sobol))
     axes, names = numeric_axes(table), varying_quantities(table)
-    if axes and names:
+    if axes and names and (len(axes) == 1 or "sample" in table.dims):
         write_figure(directory / "bands.png", draw_bands(table, names))
     if {*axes[-2:]} == {*WINDOW} and "limit" in table and "sample" not in table.dims:
         write_figure(directory / "window.png", draw_window(table))
@@ -164,11 +163,11 @@ def _panels(names: Sequence[str], draw: Callable[[Axes, str], None], *labels: st
     return figure
 
 
-def _legend(figure: Figure, marks: Sequence[Any], title: str | None = None) -> None:
+def _legend(figure: Figure, marks: Sequence[Any]) -> None:
     if marks:
         longest = max(len(str(mark.get_label())) for mark in marks)
         columns = min(8, len(marks), max(1, LEGEND_WIDTH // longest))
-        figure.legend(handles=marks, loc="outside lower center", ncols=columns, frameon=False, title=title, fontsize=9)
+        figure.legend(handles=marks, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 
 
 def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
@@ -260,28 +259,23 @@ def _shortened(reason: str) -> str:
 
 
 def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
-    """Draw quantities over the last varied key, a line for each value of the key before, with bands of a sample."""
+    """Draw quantities over the last varied key, at the first value of other keys, with bands of a sample."""
     x = numeric_axes(table)[-1]
-    before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
-    plane = table.isel({name: 0 for name in table["load"].dims if name not in (x, "sample", *before)})
-    lines = [({before[0]: i}, value) for i, value in enumerate(plane[before[0]].values)] if before else [({}, None)]
+    plane = table.isel({name: 0 for name in table["load"].dims if name not in (x, "sample")})
 
     def draw(ax: Axes, name: str) -> None:
-        quantity, values = SWEEP_POINT[name], table[name].values
-        for i, (place, value) in enumerate(lines):
-            low, middle, high = (part * quantity.plot_factor for part in band(plane.isel(place), name))
-            shown = f"{value:.4g}" if isinstance(value, int | float | np.number) else value
-            label, color = " ".join([*before, str(shown)]), colormaps["viridis"](0.9 * i / max(len(lines) - 1, 1))
-            ax.plot(plane[x], middle, color=color, marker=".", label=label.replace("_", " "))
-            ax.fill_between(plane[x], low, high, color=color, alpha=0.15, linewidth=0)
+        quantity = SWEEP_POINT[name]
+        low, middle, high = (part * quantity.plot_factor for part in band(plane, name))
+        ax.plot(plane[x], middle, color=PALETTE[0], marker=".")
+        ax.fill_between(plane[x], low, high, color=PALETTE[0], alpha=0.15, linewidth=0)
         ax.set_ylabel(quantity.axis_label)
         ax.margins(x=0)
-        if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
+        if np.nanmin(low) > 0 and np.nanmax(high) > LOGARITHMIC_RATIO * np.nanmin(low):
             ax.set_yscale("log")
 
     figure = _panels(names, draw, _axis_label(table, x))
-    title = f"bands: {BAND[0]:.0%} to {BAND[1]:.0%} of the sample" if "sample" in table.dims else None
-    _legend(figure, figure.axes[0].get_lines() if before else [], title)
+    if "sample" in table.dims:
+        figure.suptitle(f"bands: {BAND[0]:.0%} to {BAND[1]:.0%} of the sample", fontsize=9)
     return figure
 
 

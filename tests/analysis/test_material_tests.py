@@ -53,7 +53,7 @@ def test_strength_of_the_shear_line_is_that_of_mohr_coulomb():
     assert shear.strength / 2 == pytest.approx(c * np.cos(angle) + in_plane * np.sin(angle), rel=1e-6)
     assert lab.earth_pressure_coefficient == pytest.approx(1 - np.sin(angle), abs=0.005)
     lateral = 0.125 * PRESSURE
-    biaxial = lab.test("biaxial", "compacted", lateral)
+    biaxial = lab.test("biaxial", "compacted")
     slope = (1 + np.sin(angle)) / (1 - np.sin(angle))
     expected = lateral * (slope - 1) + 2 * c * np.sqrt(slope)
     assert biaxial.strength == pytest.approx(expected, rel=1e-6)

@@ -69,12 +69,12 @@ def travel_table(cart: Cart, resistance: Resistance, stroke: float, fastest: flo
     return TravelTable(forces, shares[rows], loads[rows], numbers[rows])
 
 
-def pass_table(law: MotionProfile, steps: int = STEPS) -> PassTable:
-    """Tabulate a law of which the return stroke is the mirror image; an even number of steps."""
-    phases = np.linspace(0, 1, steps + 1)
+def pass_table(law: MotionProfile) -> PassTable:
+    """Tabulate a law of which the return stroke is the mirror image."""
+    phases = np.linspace(0, 1, STEPS + 1)
     inner = np.array([np.nextafter(phases[:-1], 2.0), np.nextafter(phases[1:], -1.0)])
     starts, ends = law.at_phase(inner, 2)
-    return PassTable(law.at_phase(phases, 0), law.at_phase(phases, 1), starts, ends, law.duration / steps, law.stroke)
+    return PassTable(law.at_phase(phases, 0), law.at_phase(phases, 1), starts, ends, law.duration / STEPS, law.stroke)
 
 
 class PoolForces(NamedTuple):

@@ -62,9 +62,9 @@ class LawSpace:
     The acceleration is continuous and piecewise quadratic on even pieces; on the return stroke it is opposite.
     """
 
-    def __init__(self, limits: Limits, stroke: float, duration: float, mass: float, pieces: int = PIECES) -> None:
+    def __init__(self, limits: Limits, stroke: float, duration: float, mass: float) -> None:
         self.stroke, self.duration, self.mass = stroke, duration, mass
-        self.space = SplineSpace(np.linspace(0, 1, pieces + 1), max(2, limits.continuous))
+        self.space = SplineSpace(np.linspace(0, 1, PIECES + 1), max(2, limits.continuous))
         self.constraints = ConstraintSet(limits, self.space, stroke, duration)
         phases = np.linspace(0, 1, STEPS + 1)
         self._bases = [stroke / duration**k * np.asarray(self.space.derivatives[k](phases)) for k in range(3)]

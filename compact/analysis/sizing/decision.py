@@ -13,14 +13,11 @@ mesh, mix, laws of the mix, pore air and model.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from compact.analysis.machine_models import catalogue
-from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages.drives import Stages
-from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.stages.uncertainty import (
     AIR,
     DRIVE,
@@ -35,6 +32,9 @@ from compact.analysis.stages.verdict import ModelAnswer, sizing_model
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
+
+if TYPE_CHECKING:
+    from compact.analysis.study import Study
 
 CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
 SAMPLES = 65  # [-], times over a cycle at which motions are compared
@@ -211,47 +211,41 @@ def choose(
     return Choice(laws[order[0]], laws[order[1]] if len(order) > 1 else None, tuple(laws), excess[order[0]])
 
 
-def decide(
-    choice: Choice, stages: Stages, models: Sequence[ModelAnswer], known: RankingUncertainty | None,
-    spread: ModelSpread | None, sizing: MachineSizing, criteria: Sequence[str],
-) -> Decision:  # fmt: skip
-    """Collect the sizes of the decided law and of the alternative.
-
-    Parameters
-    ----------
-    sizing : MachineSizing
-        Shaft and motor of every law.
-    criteria : sequence of str
-        Criteria of the verdict that the scene ranks by.
-    """
-    scene, model = stages.contacts.scene, sizing_model(models)
-    case = scene.motion.duration, scene.drive.kind
-    own, other = (
-        {by: _peak(model, case, by, law, known) for by in criteria} if law else {}
-        for law in (choice.law, choice.alternative)
-    )
-    for law, sizes in ((choice.law, own), (choice.alternative, other)):
-        sizes |= _shaft_sizes(stages, sizing, law, sizes.get("peak_power"))
-    own["roller_load"] = Size("load on a roller", "N", model.roller_load, _load_changes(stages, models, known, spread))
-    own["peak_jerk"] = Size("peak jerk", "m/s3", stages.laws.cycles[choice.law].forward.peaks().jerk)
-    cam = ""
+def decide(study: "Study") -> Decision | None:
+    """Collect the sizes of the decided law and of the alternative; None where no law has finite peaks."""
+    choice, stages, scene, model = study.choice, study.stages, study.scene, sizing_model(study.models)
+    if choice is None:
+        return None
+    law, sizing, known = choice.law, study.machine_sizing, study.uncertainty
+    own, other = (_sizes(study, each) for each in (law, choice.alternative))
+    own["roller_load"] = Size("load on a roller", "N", model.roller_load, _load_changes(study, model))
+    own["peak_jerk"] = Size("peak jerk", "m/s3", stages.laws.cycles[law].forward.peaks().jerk)
+    cam, motor, drive = "", None, {}
     if scene.cam is not None and CAM_ITEMS & {*scene.output.items}:
         try:
-            made = stages.laws.cam(choice.law, CAM_FOLLOWER)
+            made = stages.laws.cam(law, CAM_FOLLOWER)
             own["pressure_angle"] = Size("pressure angle", "rad", made.largest_pressure_angle)
             cam = "undercut" if made.undercut else ""
         except ValueError as error:
             cam = str(error)
-    valid = [each for each in models if each.valid] or [model]
-    regrets = {each.engine: {by: _excess(each.values(*case, by), choice.law) for by in criteria} for each in valid}
-    return Decision(
-        choice, model.engine, model.invalid, own, other, _motor(stages, sizing, choice.law, own.get("peak_power")), cam,
-        regrets, _drive(known, model, case, choice.law),
-    )  # fmt: skip
-
-
-def _excess(values: Mapping[str, float], law: str) -> float:
-    return values.get(law, math.inf) / min(values.values()) - 1
+    motors, shaft, power = catalogue(scene), sizing.laws.get(law), own.get("peak_power")
+    if motors and shaft and shaft.requirement:
+        margin = max(sizing.rule.margin, 1 + (power.margin or 0.0) if power else 0.0)
+        chosen = choose_motor(motors, shaft.requirement, replace(sizing.rule, margin=margin)).chosen
+        motor = chosen.motor.name if chosen else ""
+    regrets: dict[str, dict[str, float]] = {}
+    for each in [each for each in study.models if each.valid] or [model]:
+        values = {by: each.values(*study.case, by) for by in study.sizing_peaks}
+        regrets[each.engine] = {by: v.get(law, math.inf) / min(v.values()) - 1 for by, v in values.items()}
+    source = known.source(DRIVE) if known else None
+    drives = source.ends if source else ()
+    for by in known.laws if known and drives else ():
+        peaks = model.values(*study.case, by)
+        ratio = peaks[law] / min(peaks.values())
+        ends = [end for end in drives if math.isfinite(end.change[law][by])]  # those with a periodic cycle
+        excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in ends]
+        drive[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess, default=0.0)
+    return Decision(choice, model.engine, model.invalid, own, other, motor, cam, regrets, drive)
 
 
 def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncertainty | None) -> Size:
@@ -261,65 +255,38 @@ def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncer
     return Size(quantity.term, quantity.unit, model.values(*case, by).get(law, math.inf), changes)
 
 
-def _shaft_sizes(stages: Stages, sizing: MachineSizing, law: str | None, power: Size | None) -> dict[str, Size]:
-    """Return torque of the shaft and rated power of a motor, at the peak power of the model that sizes."""
-    found = sizing.laws.get(law or "")
-    if found is None or found.requirement is None:
+def _sizes(study: "Study", law: str | None) -> dict[str, Size]:
+    """Return the peaks of a law, and torque of the shaft and rated power of a motor at the peak power by the model."""
+    if law is None:
         return {}
-    own = stages.drive.runs[found.law].peak_power
-    leads = found.engine == stages.contacts.scene.accuracy.engine  # else of the larger model, as it is
-    factor = power.value / own if power and own and leads else 1.0
+    model, sizing = sizing_model(study.models), study.machine_sizing
+    found = {by: _peak(model, study.case, by, law, study.uncertainty) for by in study.sizing_peaks}
+    shaft, power = sizing.laws.get(law), found.get("peak_power")
+    if shaft is None or shaft.requirement is None:
+        return found
+    leads = shaft.engine == study.scene.accuracy.engine  # else of the larger model, as it is
+    factor = power.value / study.stages.drive.runs[law].peak_power if power and leads else 1.0
     changes = power.changes if power else {}
-    return {
-        "shaft_torque": Size("shaft torque", "Nm", factor * found.requirement.peak_torque, changes),
-        "motor_rating": Size("motor rating", "W", factor * found.required_power / sizing.rule.margin, changes),
+    return found | {
+        "shaft_torque": Size("shaft torque", "Nm", factor * shaft.requirement.peak_torque, changes),
+        "motor_rating": Size("motor rating", "W", factor * shaft.required_power / sizing.rule.margin, changes),
     }
 
 
-def _motor(stages: Stages, sizing: MachineSizing, law: str, power: Size | None) -> str | None:
-    """Name the smallest motor of the catalogue that holds with the margin of the decision."""
-    motors, found = catalogue(stages.contacts.scene), sizing.laws.get(law)
-    if not motors or found is None or found.requirement is None:
-        return None
-    margin = max(sizing.rule.margin, 1 + (power.margin or 0.0) if power else 0.0)
-    chosen = choose_motor(motors, found.requirement, replace(sizing.rule, margin=margin)).chosen
-    return chosen.motor.name if chosen else ""
-
-
-def _load_changes(
-    stages: Stages, models: Sequence[ModelAnswer], known: RankingUncertainty | None, spread: ModelSpread | None
-) -> Changes:
+def _load_changes(study: "Study", model: ModelAnswer) -> Changes:
     """Return the relative changes of the load on a roller by source."""
+    known, spread, found = study.uncertainty, study.model_spread, Changes()
     if known is None:
-        return {}
-    model = sizing_model(models)
-    load, found, leads = model.roller_load, Changes(), model is models[0]
+        return found
     error = max((each.load_error or 0.0 for each in model.records), default=0.0)
     if error:
         found[MESH] = -error, error
     if known.mix and known.mix.load:
         found[MIX] = known.mix.load[0] - 1, known.mix.load[1] - 1
-    for name, ratios in ((LAW, spread and spread.load), (AIR, air_ratios(stages, "load"))):
-        if ratios and leads:
+    for name, ratios in ((LAW, spread and spread.load), (AIR, air_ratios(study.stages, "load"))):
+        if ratios and model is study.models[0]:
             found[name] = ratios[0] - 1, ratios[1] - 1
-    others = [each.roller_load / load - 1 for each in models if each.valid and each is not model]
+    others = [each.roller_load / model.roller_load - 1 for each in study.models if each.valid and each is not model]
     if others:
         found[MODELS] = min(0.0, *others), max(0.0, *others)
-    return found
-
-
-def _drive(
-    known: RankingUncertainty | None, model: ModelAnswer, case: Case, law: str
-) -> dict[str, tuple[int, int, float]]:
-    """Return where another law is first over what is known of the drive, by criterion."""
-    source = known.source(DRIVE) if known else None
-    if source is None or known is None:
-        return {}
-    found = {}
-    for by in known.laws:
-        values = model.values(*case, by)
-        ratio = values[law] / min(values.values())
-        ends = [end for end in source.ends if math.isfinite(end.change[law][by])]  # those with a periodic cycle
-        excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in ends]
-        found[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess, default=0.0)
     return found

@@ -44,7 +44,7 @@ from compact.analysis.stages.ensemble import (
 from compact.analysis.stages.pooled_peaks import PooledLaws
 from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
-from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
+from compact.analysis.stages.verdict import sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
@@ -55,6 +55,7 @@ from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
     from compact.analysis.process import ProcessStudy
+    from compact.analysis.study import Study
 
 SAMPLES = 128  # [-], of the mix by columns; nearly three times the coefficients of a quadratic in eight parameters
 SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0.01
@@ -215,49 +216,23 @@ MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix",
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
 
 
-def ranking_uncertainty(
-    stages: Stages,
-    models: Sequence[ModelAnswer],
-    verdicts: Mapping[str, Verdict],
-    spread: tuple[float, float] | None,
-    executor: Executor | None = None,
-    candidates: Sequence[str] = (),
-) -> RankingUncertainty:
-    """Vary every source of uncertainty of the answer.
+def ranking_uncertainty(study: "Study") -> RankingUncertainty:
+    """Vary every source of uncertainty of the answer of a study with a law that is first by each criterion.
 
-    Parameters
-    ----------
-    models : sequence of ModelAnswer
-        Answers of all models, that of the engine of the scene first.
-    verdicts : mapping of str to Verdict
-        Verdicts without the spread of the mix, by criterion.
-    spread : tuple of float or None
-        Least and largest resistance over the laws of the mix [-].
-    executor : Executor, optional
-        Executor of the runs; this process by default.
-    candidates : sequence of str
-        Other laws whose peaks are followed through every source.
-
-    Returns
-    -------
-    RankingUncertainty
+    The peaks of the candidates are followed through every source.
     """
-    scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
-    leads, case, met = models[0].valid, (scene.motion.duration, scene.drive.kind), model.resistance
-    laws, cycles = {by: each.law for by, each in verdicts.items()}, stages.laws.cycles
-    followed_laws = dict.fromkeys((*laws.values(), *candidates))
+    stages, scene, models, contacts = study.stages, study.scene, study.models, study.stages.contacts
+    model, case, cycles = sizing_model(models), study.case, stages.laws.cycles
+    met, spread = model.resistance, models[0].spread
+    laws = {by: each.law for by, each in study.nominal_verdicts.items()}
+    followed_laws = dict.fromkeys((*laws.values(), *study.candidates))
     base = {by: model.values(*case, by) for by in laws}
-    mix = mix_spread(scene, contacts.process, executor)
+    mix = mix_spread(scene, contacts.process, study.executor)
     sources: list[tuple[str, str, Mapping[str, Change | Peaks]]] = []  # name, variation, changes or known peaks
 
-    ratios: dict[str, tuple[float, float] | None] = {
-        name: None if error is None else (1 - error, 1 + error)
-        for name, error in (
-            (MESH, getattr(model.steady, "engine_error", None)),
-            (MAP, getattr(model.steady, "error", None)),
-        )
-    }
-    ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
+    errors = {MESH: getattr(model.steady, "engine_error", None), MAP: getattr(model.steady, "error", None)}
+    ratios = {name: None if error is None else (1 - error, 1 + error) for name, error in errors.items()}
+    ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if models[0].valid else None}
     if model.engine == scene.accuracy.engine:
         ratios[AIR] = air_ratios(stages)
     for name, pair in ratios.items():
@@ -269,30 +244,29 @@ def ranking_uncertainty(
     by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
     edges = model.turning is not None and isinstance(scene.drive.turn or DEFAULT_TURN, str)
     variants = {each.label: each for each in drive_variants(scene, edges)}
-    by_drive = {
-        label: Change(label, each.keys, along_stroke(model.steady, model.turning, each.keys[SLEEVE]))
-        if SLEEVE in each.keys
-        else Change(label, each.keys)
-        for label, each in variants.items()
-    }
+    by_drive = {}
+    for label, each in variants.items():
+        moved = along_stroke(model.steady, model.turning, each.keys[SLEEVE]) if SLEEVE in each.keys else None
+        by_drive[label] = Change(label, each.keys, moved)
     error = ENGINES[model.engine].turning_error(scene.layer.lower_lift is not None) if edges else None
-    if error and DRIVES[case[1]].driven_end:
-        factors = {f"peaks {sign} {100 * error:.0f} %": 1 + way * error for sign, way in (("−", -1), ("+", 1))}
+    if error and DRIVES[scene.drive.kind].driven_end:
         scaled_peaks = {
-            words: {by: {law: by_factor * peak for law, peak in peaks.items()} for by, peaks in base.items()}
-            for words, by_factor in factors.items()
+            f"peaks {sign} {100 * error:.0f} %": {
+                by: {law: (1 + way * error) * peak for law, peak in peaks.items()} for by, peaks in base.items()
+            }
+            for sign, way in (("−", -1), ("+", 1))
         }
         sources.append((SHARES, "against finite elements that follow the turn", scaled_peaks))
     alone = ", ".join(label for label, each in variants.items() if len(each.of) == 1)
     sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, alone, by_drive)]
-    extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
-    scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
 
     def near(share: float) -> dict[str, Cycle]:
         """Return the recommended laws, and those within a share of the least peak by any criterion."""
         close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
         return {law: cycle for law, cycle in cycles.items() if law in {*close, *followed_laws}}
 
+    extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
+    scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
     followed |= dict.fromkeys(by_drive, cycles)
@@ -301,19 +275,28 @@ def ranking_uncertainty(
         followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
-    solved = ensemble(scene, changes, run, executor)
+    solved = ensemble(scene, changes, run, study.executor)
     answers = (solved[number] for number in range(len(changes)))
-    known = tuple(
-        Source(name, words, tuple(
-            replace(
-                _end(label, next(answers) if isinstance(each, Change) else each, base, laws, followed_laws),
-                of=variants[label].of if name == DRIVE else (),
-            )
-            for label, each in ends.items()
-        ))
-        for name, words, ends in sources
-        if ends
-    )  # fmt: skip
+
+    def end(words: str, values: Peaks, of: tuple[str, ...]) -> SourceEnd:
+        """Return the answer with the given peaks; a recommended law that is as good but for rounding stays first."""
+        found = {by: values.get(by, {}) for by in laws}
+        change = {
+            law: {by: found[by].get(law, math.inf) / base[by][law] - 1 for by in laws if law in base[by]}
+            for law in followed_laws
+        }
+        least = {by: min(each.values(), default=math.inf) for by, each in found.items()}
+        first = {}
+        for by, law in laws.items():
+            stays = found[by].get(law, math.inf) <= least[by] * (1 + LEAST_EFFECT)
+            first[by] = law if stays else first_law(found[by])
+        return SourceEnd(words, change, first, {by: least[by] / min(base[by].values()) - 1 for by in laws}, of)
+
+    known = []
+    for name, words, table in sources:
+        of = {label: variants[label].of for label in table} if name == DRIVE else {}
+        reached = {label: next(answers) if isinstance(each, Change) else each for label, each in table.items()}
+        known.append(Source(name, words, tuple(end(label, each, of.get(label, ())) for label, each in reached.items())))
     scaled = list(answers)
     peaks = {}
     for by, law in laws.items():
@@ -322,7 +305,7 @@ def ranking_uncertainty(
         peaks[by] = tuple(at), tuple(value)
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
-    return RankingUncertainty(known, mix, peaks, laws)
+    return RankingUncertainty(tuple(each for each in known if each.ends), mix, peaks, laws)
 
 
 def _peaks(
@@ -336,21 +319,6 @@ def _peaks(
     """Return the peaks of the laws that belong to the label of a change, under the drive of the changed scene."""
     cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
     return drive_peaks(cart, cycles.get(change.label, cycles[""]), resistance, criteria, scene, change)
-
-
-def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str], followed: Iterable[str]) -> SourceEnd:
-    """Return the answer with the given peaks; a recommended law that is as good but for rounding stays first."""
-    found = {by: values.get(by, {}) for by in laws}
-    change = {
-        law: {by: found[by].get(law, math.inf) / base[by][law] - 1 for by in laws if law in base[by]}
-        for law in followed
-    }
-    least = {by: min(each.values(), default=math.inf) for by, each in found.items()}
-    first = {}
-    for by, law in laws.items():
-        stays = found[by].get(law, math.inf) <= least[by] * (1 + LEAST_EFFECT)
-        first[by] = law if stays else first_law(found[by])
-    return SourceEnd(words, change, first, {by: least[by] / min(base[by].values()) - 1 for by in laws})
 
 
 def air_ratios(stages: Stages, of: str = "resistance") -> tuple[float, float] | None:
@@ -394,14 +362,10 @@ def drive_variants(scene: Scene, edges: bool = False) -> list[Variant]:
     mass = {key: attrgetter(key)(scene) for key in ("machine.mass", "machine.weight")}
     cart = both_ways(scene, "mass", MASS_FACTOR, mass, MASS)
     found = [*(Variant(*each) for each in DRIVES[scene.drive.kind].variants(scene)), *cart]
-    sleeves = _sleeve_variants(scene) if edges else []
+    known = sleeve_ends(scene) if edges else {}
+    sleeves = [Variant(label, {SLEEVE: ends}, (EDGE,)) for label, ends in known.items()]
     alone = [each for each in found if len(each.of) == 1]
     return [*found, *sleeves, *(sleeve.joined(each) for sleeve in sleeves for each in alone)]
-
-
-def _sleeve_variants(scene: Scene) -> list[Variant]:
-    """Return the ends of the distance to fresh mix."""
-    return [Variant(label, {SLEEVE: ends}, (EDGE,)) for label, ends in sleeve_ends(scene).items()]
 
 
 # the mix
