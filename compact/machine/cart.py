@@ -27,7 +27,6 @@ Paper C, eqs 1-9, valid as printed for s = +1 only; reconstructed here, see erra
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -35,7 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
-from compact.numerics.piecewise import find_roots
+from compact.numerics.piecewise import find_sign_changes, graded_grid
 from compact.numerics.validation import as_numbers, require_fields, require_finite, require_instance
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
@@ -90,21 +89,13 @@ class EndSprings:
         compression = self.length - np.where(side > 0, position, self.stroke - position)
         return side * (self.preload + self.stiffness * compression)
 
-    def energy(self, position: ArrayLike) -> Array:
-        """Energy of both springs [J] relative to their preloaded state."""
-        compression = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
-        return self.preload * compression + self.stiffness / 2 * compression**2
-
     def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
         """Find the zones of a motion given by its position [m] over a coordinate, smooth between ascending breaks."""
-        plates = (self.length, self.stroke - self.length)
+        plates = np.array([self.length, self.stroke - self.length])
         breaks = np.asarray(breaks, float)
 
-        def distance(coordinate: Array, plate: float) -> Array:
-            return position(coordinate) - plate
-
-        contacts = [find_roots(partial(distance, plate=plate), breaks) for plate in plates]
-        breaks = np.unique(np.concatenate([breaks, *contacts]))
+        contacts = find_sign_changes(lambda at, plate: position(at) - plates[plate], 2, graded_grid(breaks))
+        breaks = np.union1d(breaks, contacts)
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))
 

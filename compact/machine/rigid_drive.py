@@ -18,7 +18,14 @@ from numpy.typing import ArrayLike
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.motion.profile import Cycle, Discontinuity, Leg, MotionProfile
 from compact.numerics import Array, BoolArray
-from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, graded_grid, interior_grid
+from compact.numerics.piecewise import (
+    BREAK_OFFSET,
+    clenshaw_curtis,
+    find_maximum,
+    find_sign_changes,
+    graded_grid,
+    interior_grid,
+)
 from compact.numerics.validation import as_numbers, require_instance, require_opposing, require_positive
 from compact.turning import StrokeResistance, StrokeShares
 
@@ -28,7 +35,6 @@ STANDSTILL_SPEED_RATIO = 1e-12  # [-], of the mean speed; stands for the limit v
 WORKING_PART = (1 / 6, 5 / 6)  # [-], of the forward stroke; default part for the nonuniformity
 NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
 MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins and dead centres coincide
-ROOT_ITERATIONS = 16  # [-], of the Illinois method from a graded grid; to 1e-12 of a piece, a break needs no more
 CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the crank
 
 
@@ -193,9 +199,11 @@ class InverseDynamics:
                 travels = np.array([each for each in self.shares[leg.direction < 0].travels if each < stroke])
                 places = travels if leg.direction > 0 else stroke - travels
                 grid = graded_grid(leg.breakpoints())
-                joins = _sign_changes(lambda z, k, leg=leg, at=places: leg.at_phase(z, 0) - at[k], len(places), grid)
+                joins = find_sign_changes(
+                    lambda z, k, leg=leg, at=places: leg.at_phase(z, 0) - at[k], len(places), grid
+                )
                 grid = graded_grid(np.union1d(leg.breakpoints(), joins))
-                found[leg.start] = np.append(joins, _sign_changes(partial(self._reaction, leg), 2, grid))
+                found[leg.start] = np.append(joins, find_sign_changes(partial(self._reaction, leg), 2, grid))
         return found
 
     def _reaction(self, leg, phase, wheel):
@@ -221,25 +229,6 @@ class InverseDynamics:
             leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.breakpoints())
             for leg in self.cycle.legs()
         }
-
-
-def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Array) -> Array:
-    """Places where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
-    values = function(grid, np.arange(count)[:, None])
-    rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
-    low, high = grid[columns], grid[columns + 1]
-    at_low, at_high = values[rows, columns], values[rows, columns + 1]
-    nearest, least = low, np.full(low.shape, np.inf)  # an end may be far from a root that the other has met
-    for _ in range(ROOT_ITERATIONS if rows.size else 0):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place = high - at_high * (high - low) / (at_high - at_low)
-        place = np.where((place > low) & (place < high), place, (low + high) / 2)
-        here = function(place, rows)
-        nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
-        upper = (here < 0) == (at_high < 0)
-        low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
-        high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
-    return nearest
 
 
 def stroke_shares(

@@ -208,8 +208,7 @@ class ConstraintSet:
     """Limits on the laws of a spline space, as `LinearConstraints` in its unknowns.
 
     Infeasible limits are reported one by one with the relaxation that each requires, from a linear program with elastic
-    bounds (phase-one relaxation). The curvature of a cam for a roller follower is not linear (`PitchCurve`); only the
-    condition that its flanks do not cross is included here.
+    bounds (phase-one relaxation).
 
     Attributes
     ----------

@@ -21,14 +21,14 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial, chebyshev, polynomial
 from numpy.typing import ArrayLike
 
-from compact.numerics import Array
+from compact.numerics import Array, IntArray
 
 Function = Callable[[Array], Array]
 
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
 ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
-BISECTIONS = 60  # [-], halvings of an interval that contains a root, to rounding
+ROOT_ITERATIONS = 60  # [-], of the Illinois method; 4 to 8 reach rounding from a graded grid
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
 DEGREE = 8  # [-], of the polynomial on each piece
@@ -83,16 +83,28 @@ def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
 
 
 def find_roots(function: Function, breaks: Array) -> Array:
-    """Find the roots at which a function changes its sign between breaks, ascending and bisected to rounding."""
-    grid = graded_grid(breaks)
-    values = function(grid)
-    change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
-    for _ in range(BISECTIONS if change.size else 0):
-        middle = (low + high) / 2
-        left = np.sign(function(middle)) == sign
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return (low + high) / 2
+    """Find the roots at which a function changes its sign between breaks, ascending."""
+    return find_sign_changes(lambda abscissa, _: function(abscissa), 1, graded_grid(breaks))
+
+
+def find_sign_changes(function: Callable[[Array, IntArray], Array], count: int, grid: Array) -> Array:
+    """Find where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
+    values = np.broadcast_to(function(grid, np.arange(count)[:, None]), (count, len(grid)))
+    rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
+    low, high = grid[columns], grid[columns + 1]
+    at_low, at_high, place, upper = values[rows, columns], values[rows, columns + 1], low, None
+    for _ in range(ROOT_ITERATIONS if rows.size else 0):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            secant = high - at_high * (high - low) / (at_high - at_low)
+        before, place = place, np.where((secant >= low) & (secant <= high), secant, (low + high) / 2)
+        if np.abs(place - before).max() <= BREAK_OFFSET * (grid[-1] - grid[0]):
+            break
+        here = function(place, rows)
+        last, upper = upper, (here < 0) == (at_high < 0)
+        share = np.where(upper == last, 0.5, 1.0)  # of the value at an end that stays twice
+        low, at_low = np.where(upper, low, place), np.where(upper, share * at_low, here)
+        high, at_high = np.where(upper, place, high), np.where(upper, here, share * at_high)
+    return place
 
 
 def integrate(function: Function, breaks: ArrayLike) -> float:
