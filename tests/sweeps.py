@@ -9,7 +9,7 @@ from compact.sweep.design import read_design
 
 SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}
-FORMULA = load_scene(SCENES / "loveikin-2015.toml", **PLAIN)
+FORMULA = load_scene("loveikin-2015", **PLAIN)
 COLUMNS = FORMULA.replaced(**{"accuracy.engine": "column"})
 
 

@@ -17,7 +17,6 @@ from compact.report import writer as report
 from compact.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]
-SMALL = ROOT / "compact" / "data" / "scenes" / "small.toml"
 ENGINES = ROOT / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless"}
 QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
@@ -28,7 +27,7 @@ STUDY = {
 
 
 def scene(**changes):
-    return load_scene(SMALL, **PLAIN | QUICK | STUDY | changes)
+    return load_scene("small", **PLAIN | QUICK | STUDY | changes)
 
 
 @pytest.fixture(scope="module")

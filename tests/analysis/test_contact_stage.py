@@ -1,7 +1,6 @@
 """Contacts of a scene: published cases, targets, speeds, reuse of neighbouring contacts, refusals."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from compact.report import writer as report
 from compact.rolling_contact import Layer, Ply, Roller
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 # contact.md g: R .11 m, h .22 m bonded, E(t) = 10 + 10 exp(-t/tau) MPa, nu .3, depth 3 mm, frictionless, parabola
 CASE_G = {
     "mix.overrides.effective_modulus": 10e6,
@@ -32,7 +30,7 @@ SHALLOW = {"accuracy.engine": "fem", "contact.indentation": 0.003}
 
 
 def study(**changes):
-    return Study(load_scene(SMALL, **changes))
+    return Study(load_scene("small", **changes))
 
 
 def test_plies_of_a_scene_are_passed_to_the_engine():

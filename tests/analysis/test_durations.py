@@ -1,7 +1,5 @@
 """Laws over the duration of a pass: closed forms of crossovers, agreement with scenes of that duration, refusals."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,14 +7,12 @@ from compact.analysis.sizing.durations import read_durations
 from compact.analysis.study import Study
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
-SMALL = SCENES / "small.toml"
 STEP = {"drive.turn": "step"}  # of the closed forms and the published durations
 COLUMN = {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2]}
 
 
 def study(over="duration=0.3:3:4", scene="small", **changes):
-    given = load_scene(SCENES / f"{scene}.toml", **{"output.items": []} | STEP | changes)
+    given = load_scene(scene, **{"output.items": []} | STEP | changes)
     return Study(given, durations=read_durations(over))
 
 
@@ -77,7 +73,7 @@ def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
     found = study("duration=1:3:2", **engine)
     depth = {} if not engine else {"contact.indentation": found.stages.contacts.held.value}
     for duration, order in zip(found.durations, found.over_durations.orders["peak_force"], strict=True):
-        alone = Study(load_scene(SMALL, **STEP | engine | depth | {"motion.duration": duration}))
+        alone = Study(load_scene("small", **STEP | engine | depth | {"motion.duration": duration}))
         for each in order:
             rel = 1e-12 if not engine else 5e-3
             assert alone.stages.drive.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)

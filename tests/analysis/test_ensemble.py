@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from compact.analysis.worker_pool import ProcessExecutor
 from compact.resistance import dry_resistance
 from compact.scene.loader import load_scene
 
-SMALL = load_scene(Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml", **{"output.items": []})
+SMALL = load_scene("small", **{"output.items": []})
 LAWS = SMALL.replaced(**{"motion.laws": ["parabolic", "constant-velocity"], "machine.guide_friction": 0.0})
 
 

@@ -1,7 +1,6 @@
 """Mix that heaps up in front of the roller as an answer: of an engine of the comparison, and of that of the scene."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +12,11 @@ from compact.report import writer as report
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
 COMPARED = {"accuracy.engine": "column", "compare": {"compaction": {}}, "output.items": [], "motion.laws": ["cubic"]}
 
 
 def test_an_engine_of_the_comparison_that_heaps_up_is_an_answer(tmp_path):
-    case = Study(load_scene(SMALL, **COMPARED))
+    case = Study(load_scene("small", **COMPARED))
     summary = report.write_study(case, tmp_path / "out")
     stored = json.loads((tmp_path / "out" / "summary.json").read_text())["heaping"]["compaction"]
     assert stored["depth"] == {"value": pytest.approx(9.37e-3, rel=1e-2), "unit": "m"}
@@ -50,7 +48,7 @@ def test_an_engine_of_the_comparison_that_ends_with_an_error_is_an_answer(
         raise error
 
     monkeypatch.setattr(compaction, "roll", fail)
-    case = Study(load_scene(SMALL, **COMPARED))
+    case = Study(load_scene("small", **COMPARED))
     summary = report.write_study(case, tmp_path / "out")
     assert list(summary["comparison"]) == ["formula"]
     stored = {each: summary[each] for each in ("heaping", "unsteady", "no_equilibrium")}

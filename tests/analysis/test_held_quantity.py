@@ -1,7 +1,6 @@
 """Quantity held constant over speed, formulas for one contact, guide friction and return stroke."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +13,12 @@ from compact.report import writer as report
 from compact.report.tables import format_column
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 PLAIN = {"machine.roller_condition": "frictionless", "machine.gap_geometry": "circle", "accuracy.engine": "spectral"}
 LIFT = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "mix.overrides.heckel_slope": 1.65e-5}
 
 
 def study(**changes):
-    return Study(load_scene(SMALL, **changes))
+    return Study(load_scene("small", **changes))
 
 
 def values(study, name):

@@ -35,7 +35,7 @@ def small(tmp_path):
 
 
 def study_of(**changes):
-    return Study(load_scene(SCENES / "small.toml", **{"output.items": []} | STEP | changes))
+    return Study(load_scene("small", **{"output.items": []} | STEP | changes))
 
 
 def sizing(**changes):

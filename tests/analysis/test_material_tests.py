@@ -20,7 +20,7 @@ LAWS = ("ellipse", "drucker-prager-cap")
 
 @pytest.fixture(scope="module", params=LAWS)
 def programme(request):
-    scene = load_scene(SCENE, **{"mix.law": request.param})
+    scene = load_scene("loveikin-2015", **{"mix.law": request.param})
     return LaboratoryProgramme(compaction_material(scene, scene_mix(scene)), 0.98, PRESSURE)
 
 
@@ -42,7 +42,7 @@ def test_oedometer_is_that_of_the_columns(programme):
 
 def test_strength_of_the_shear_line_is_that_of_mohr_coulomb():
     """Unconfined strength 2 c cos(phi)/(1 - sin(phi)), pure shear at constant pressure c cos(phi) + p sin(phi)."""
-    scene = load_scene(SCENE, **{"mix.law": "drucker-prager-cap"})
+    scene = load_scene("loveikin-2015", **{"mix.law": "drucker-prager-cap"})
     lab = LaboratoryProgramme(compaction_material(scene, scene_mix(scene)), 0.98, PRESSURE)
     angle, c = np.radians(35), 10e3
     for specimen in ("loose", "compacted"):
@@ -61,7 +61,7 @@ def test_strength_of_the_shear_line_is_that_of_mohr_coulomb():
 
 def test_strength_of_the_flat_side_depends_on_the_density():
     """Plane strain at constant volume: s_1 - s_3 = 2 M a/sqrt(3), half of it cohesive."""
-    scene = load_scene(SCENE)
+    scene = load_scene("loveikin-2015")
     material = compaction_material(scene, scene_mix(scene))
     lab = LaboratoryProgramme(material, 0.98, PRESSURE)
     for specimen, ratio in (("loose", material.fed_density_ratio), ("compacted", 0.98)):

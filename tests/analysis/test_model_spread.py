@@ -1,7 +1,5 @@
 """Spread over the laws of the mix: ratios by columns, laws by which the mix heaps up, and their way to the output."""
 
-from pathlib import Path
-
 import pytest
 
 from compact.analysis.stages.contacts import ContactStage
@@ -11,12 +9,11 @@ from compact.report.writer import study_summary
 from compact.rolling_contact import Heaping, HeapingError
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 HEAPED = Heaping(0.003, 0.43, 0.0072, 0.54)
 
 
 def scene(**changes):
-    return load_scene(SMALL, **{"accuracy.engine": "column", "output.items": ["model_spread"]} | changes)
+    return load_scene("small", **{"accuracy.engine": "column", "output.items": ["model_spread"]} | changes)
 
 
 def test_laws_of_columns_differ_by_elastic_strain_alone():

@@ -1,7 +1,5 @@
 """Operating window of a forming process: limits that are met, and calibration by the rows of a plant."""
 
-from pathlib import Path
-
 import pytest
 
 from compact.analysis.operating_window import calibrate_window, limits_met, reached_by, window_digest
@@ -10,7 +8,6 @@ from compact.report.text import sentences
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import StrokeRow
 
-SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 SHORT = {"machine.roller_length": 0.3, "process.layers": 1, "process.product_density_ratio": None}
 OFFERED = {"process.offered_thickness": 4e-3}
 PLANT = {  # other mix, sleeves, plate and feed than those of the scene
@@ -33,7 +30,7 @@ def plants_row(scene, place):
 @pytest.mark.slow
 def test_five_rows_of_a_plant_calibrate_the_window():
     """Rows of another parameter set; at other points the density is within 0.01 and the force within 15 %."""
-    scene = load_scene(SCENE, **SHORT, **OFFERED)
+    scene = load_scene("process", **SHORT, **OFFERED)
     plant = scene.replaced(**PLANT)
     found = calibrate_window(scene, [plants_row(plant, place) for place in ROWS])
     for place in HELD_OUT:
@@ -69,4 +66,4 @@ def test_five_rows_of_a_plant_calibrate_the_window():
     ],
 )  # fmt: skip
 def test_limits_are_named(changes, met):
-    assert limits_met(ProcessStudy(load_scene(SCENE, **SHORT | changes))) == met
+    assert limits_met(ProcessStudy(load_scene("process", **SHORT | changes))) == met

@@ -1,7 +1,6 @@
 """Pore air of a scene: its curve, load, resistance, map, summary, and refusals."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 from compact.sweep.run import headline
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 LIFT = {
     "accuracy.engine": "column", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.936, "output.items": (),
     "mix.overrides.heckel_slope": 1.487e-5,
@@ -24,7 +22,7 @@ RATIOS = np.geomspace(1e9, 1e17, 25)
 
 
 def lift(**changes):
-    return load_scene(SCENES / "loveikin-2015.toml", **LIFT | changes)
+    return load_scene("loveikin-2015", **LIFT | changes)
 
 
 @pytest.fixture(scope="module")

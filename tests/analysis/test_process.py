@@ -27,7 +27,7 @@ AT_REST = {
 
 @pytest.fixture(scope="module")
 def study():
-    return ProcessStudy(load_scene(SCENE, **SHORT))
+    return ProcessStudy(load_scene("process", **SHORT))
 
 
 def test_columns_are_below_the_printed_forces(study):
@@ -51,7 +51,7 @@ def test_parts_of_the_force_are_separate(study):
         rel=1e-9,
     )
     bare = {"process.plate_length": None, "process.plate_pressure": None, "process.measured_force": None}
-    without = ProcessStudy(load_scene(SCENE, **SHORT, **bare, sleeve=None))
+    without = ProcessStudy(load_scene("process", **SHORT, **bare, sleeve=None))
     assert without.parts[3].force is None
     assert without.parts[-1].cause == guides.cause
     assert without.standing_drag == 0
@@ -68,20 +68,20 @@ def test_every_force_has_a_spread_and_a_test_and_the_remainder_its_name(study):
     assert sum(each.force for each in known) + rest.force == pytest.approx(MOVING_FORCE)
     assert rest.cause == "not explained"
     assert rest.low < 0 < rest.high  # sleeves and plate are assumptions
-    pulled = ProcessStudy(load_scene(SCENE, **SHORT, **{"sleeve.measured_drag": 700.0})).parts[2]
+    pulled = ProcessStudy(load_scene("process", **SHORT, **{"sleeve.measured_drag": 700.0})).parts[2]
     assert pulled[:2] == ("mix sheared in the feed sleeves", "measured")
     assert pulled.low == pulled.force == pulled.high == 700
 
 
 def test_pressure_of_extrusion_is_that_of_the_wedge_by_default():
-    study = ProcessStudy(load_scene(SCENE, **SHORT, **{"process.product_density_ratio": None}))
+    study = ProcessStudy(load_scene("process", **SHORT, **{"process.product_density_ratio": None}))
     value, low, high = study.extrusion_pressures
     assert low < 0.5 * value < value < 203e3 < high  # the required pressure that is published lies within
     assert study.closure == Closure("extrusion_pressure", value)
     assert study.row.numbers["peak_pressure"] == pytest.approx(value, rel=1e-6)
     assert any(remark.startswith("mix evades along the axis at 9") for remark in sentences("process_remarks", study))
     assert study.parts[4].force > 0
-    given = ProcessStudy(load_scene(SCENE, **SHORT, **OFFERED))
+    given = ProcessStudy(load_scene("process", **SHORT, **OFFERED))
     assert given.extrusion_pressures == (1e5, 1e5, 1e5)
 
 

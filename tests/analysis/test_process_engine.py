@@ -1,7 +1,6 @@
 """Engine "process": resistance of all strokes to the drives, its map, durations, return stroke, and kept results."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from compact.engines.process.lifts import simulate_lifts
 from compact.report import text
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 SMALL = {
     "accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2,
     "process.product_density_ratio": 0.9, "mix.density_ratio": 0.9, "layer.fed_density_ratio": 0.8,
@@ -27,7 +25,7 @@ SMALL = {
 
 
 def scene(**changes):
-    return load_scene(SCENE, **SMALL | changes)
+    return load_scene("process", **SMALL | changes)
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +175,7 @@ def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
 
 @pytest.mark.slow
 def test_forces_of_lifts_are_in_proportion_to_the_rate_factor():
-    thin = load_scene(SCENE, **{"product.height": 0.06, "machine.roller_length": 0.4})
+    thin = load_scene("process", **{"product.height": 0.06, "machine.roller_length": 0.4})
     found = ProcessStudy(thin)
     factors = found.row.history.rate_factor, found.rate_factor_at(thin.mean_speed / 16)
     fast, slow = (

@@ -1,7 +1,5 @@
 """Forming process of other machines by columns: hard cases, ten random machines, a plate with three rollers."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from sampling import sampled
@@ -9,7 +7,6 @@ from sampling import sampled
 from compact.analysis.process import ProcessStudy
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 FEW = {"process.layers": 1, "machine.roller_length": 0.4}
 AT_REST = {"process.mould_speed": 0.0}
 OPEN = {"process.product_density_ratio": None}
@@ -31,7 +28,7 @@ REMEDIES = ("are needed", "give ", "feed less", "choose")  # of refusals
 
 def balanced(changes):
     """Numbers of a process whose mix and work close, and whose resistance is not below its floor."""
-    study = ProcessStudy(load_scene(SCENE, **FEW | changes))
+    study = ProcessStudy(load_scene("process", **FEW | changes))
     numbers = study.row.numbers
     assert abs(numbers["mass_residual"]) < 1e-12
     assert numbers["work_residual"] < 1e-12

@@ -2,7 +2,6 @@
 
 import csv
 import math
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +11,6 @@ from compact.machine.ranking import BUILD_TOLERANCE
 from compact.report import writer as report
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 CONSTANT_VELOCITY = ("constant-velocity", "combined-2", "reversal-2", "reversal-4-free-both")
 LAWS = (*CONSTANT_VELOCITY, "cubic", "harmonic", "parabolic", "quintic", "modified-trapezoid")
 
@@ -25,7 +23,7 @@ def written(tmp_path_factory):
         "contact.peak_pressure": 180e3, "layer.fed_density_ratio": 0.95, "drive.kind": "rigid",
         "drive.rank_by": list(CRITERIA), "motion.laws": list(LAWS), "output.items": ["tables"],
     }  # fmt: skip
-    study = Study(load_scene(SMALL, **changes))
+    study = Study(load_scene("small", **changes))
     directory = tmp_path_factory.mktemp("ties")
     report.write_study(study, directory)
     return study, directory

@@ -1,7 +1,6 @@
 """Law of the resistance over the rate factor: number of contacts, error estimate, columns, extension, files."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from compact.resistance import ForceSample
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 DECADES = np.geomspace(0.002, 0.2, 41)  # [m/s], two decades
 RATE = 0.0195  # [-], 4.6 % a decade
 
@@ -138,7 +136,7 @@ class ColumnsByLaw(ColumnEngine, RateEngine):
 def columns_study(directory=None, **changes):
     """Study by columns whose map is made by the law."""
     keys = {"accuracy.engine": "column", "contact.speeds": [0.1], "contact.indentation": 0.004}
-    study = Study(load_scene(SMALL, **keys | changes), directory=directory)
+    study = Study(load_scene("small", **keys | changes), directory=directory)
     study.stages.contacts.engine = ColumnsByLaw()
     return study
 

@@ -1,7 +1,6 @@
 """Resistance map of a scene: added mass, unsteady share, and reuse of stored contacts by the next run."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from compact.report import writer as report
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 ROLLED = {
     "accuracy.engine": "spectral",
     "machine.roller_condition": "frictionless",
@@ -23,7 +21,7 @@ ROLLED = {
 
 
 def of_scene(directory=None, **changes):
-    return Study(load_scene(SMALL, **ROLLED | changes), directory=directory)
+    return Study(load_scene("small", **ROLLED | changes), directory=directory)
 
 
 @pytest.fixture(scope="module")

@@ -158,7 +158,7 @@ FORMULA = {
 def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     monkeypatch.setattr(Effort.__init__, "__defaults__", ((4, 2), 6, 0, ("quintic",)))
     monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
-    study = Study(load_scene(SCENE, **FORMULA, **{"drive.turn": "build-up"}))
+    study = Study(load_scene("loveikin-2015-engines", **FORMULA, **{"drive.turn": "build-up"}))
     stages = study.stages
     assert list(stages.laws.cycles) == ["parabolic", "quintic", "robust-peak-force"]
     found = stages.laws.robust["robust-peak-force"]
@@ -211,7 +211,9 @@ def test_each_end_has_its_distance_to_fresh_mix_with_its_spread(tmp_path, line, 
 
 
 def test_robust_law_is_left_out_with_a_reason():
-    stages = Study(load_scene(SCENE, **FORMULA, **{"drive.backlash": 1e-3, "motion.dwell": 0.1})).stages
+    stages = Study(
+        load_scene("loveikin-2015-engines", **FORMULA, **{"drive.backlash": 1e-3, "motion.dwell": 0.1})
+    ).stages
     with pytest.warns(UserWarning, match="not made: a robust law requires no backlash and no dwell"):
         assert list(stages.laws.cycles) == ["parabolic", "quintic"]
 

@@ -1,7 +1,6 @@
 """Study from scene to summary: published operating point, energy balances, counts of evaluations."""
 
 import json
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -17,7 +16,6 @@ from compact.report import writer as report
 from compact.scene.loader import LAW_NAMES, load_scene
 from compact.scene.schema import RankBy
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED_COEFFICIENT = (3562 - 0.008 * (2 * 9740 - 10000)) / (2 * 9740)  # C: 3562 N without the guides' friction
 
 
@@ -25,7 +23,7 @@ STEP = {"drive.turn": "step"}  # of closed forms
 
 
 def scene(name="loveikin-2015", **changes):
-    return load_scene(SCENES / f"{name}.toml", **changes)
+    return load_scene(name, **changes)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Resistance along the stroke of a scene: shares by engine, table, figure, and the spread of the sleeve."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +13,6 @@ from compact.machine.drives import EDGE
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance
 
-ENGINES_SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 FORMULA = {"accuracy.engine": "formula", "compare": None, "output.items": [], "motion.other_durations": None}
 COLUMN = FORMULA | {
     "accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6, "layer.lift_thickness": 0.22,
@@ -26,7 +24,7 @@ LINEAR = FORMULA | {
 
 
 def stage(changes=FORMULA, **more):
-    return build_stages(load_scene(ENGINES_SCENE, **changes, **more)).resistance
+    return build_stages(load_scene("loveikin-2015-engines", **changes, **more)).resistance
 
 
 def build_up(changes=FORMULA, **more):
@@ -87,7 +85,7 @@ def test_table_covers_both_sides_and_the_release_of_the_old_force():
 
 
 def test_assumed_sleeve_varies_from_open_to_midway_with_each_of_the_drive():
-    scene = load_scene(ENGINES_SCENE, **FORMULA)
+    scene = load_scene("loveikin-2015-engines", **FORMULA)
     found = drive_variants(scene, edges=True)
     alone = {each.label: each.keys[SLEEVE] for each in found if each.of == (EDGE,)}
     assert alone["open sleeve"] == pytest.approx((0.0264, 0.0264))

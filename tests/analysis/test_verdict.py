@@ -34,7 +34,7 @@ COLUMNS = {  # the main scene led by columns, which cost milliseconds
 @cache
 def study():
     """The main scene by columns, formula and a linear layer."""
-    return Study(load_scene(ENGINES, **COLUMNS))
+    return Study(load_scene("loveikin-2015-engines", **COLUMNS))
 
 
 def model(engine, invalid="", error=0.0, fitted=(), **values):
@@ -92,7 +92,7 @@ def test_mix_is_dominated_by_its_stiffness_and_the_fit_is_exact():
 def test_measured_parameter_has_a_range_of_a_tenth(tmp_path):
     words = ENGINES.read_text("utf-8").replace("# 1/Pa; calibrated", "# 1/Pa; measured in an oedometer")
     (tmp_path / "scene.toml").write_text(words)
-    given, plain = load_scene(tmp_path / "scene.toml"), load_scene(ENGINES)
+    given, plain = load_scene(tmp_path / "scene.toml"), load_scene("loveikin-2015-engines")
     slope = 15.228e-6
     found = stage.parameter_ranges(given.with_engine("column"), given)
     assert found["heckel_slope"] == pytest.approx((0.9 * slope, 1.1 * slope))
@@ -141,7 +141,9 @@ def test_first_law_depends_on_a_spring_that_nobody_has_measured(spring, laws):
     """Peaks by an independent integrator with a step at the turn, to three digits."""
     stiffness, ratio = spring
     drive = {"drive.stiffness": stiffness, "drive.damping": 2 * ratio * np.sqrt(stiffness * 1000.0)}
-    found = Study(load_scene(ENGINES, **FORMULA, **drive, **{"motion.laws": laws, "drive.turn": "step"}))
+    found = Study(
+        load_scene("loveikin-2015-engines", **FORMULA, **drive, **{"motion.laws": laws, "drive.turn": "step"})
+    )
     force, power = found.stages.drive.rankings["peak_force"], found.stages.drive.rankings["peak_power"]
     law, least, frugal, least_power, parabolic = SPRINGS[spring]
     assert (force[0].run.name, power[0].run.name) == (law, frugal)
@@ -177,7 +179,7 @@ def edited(tmp_path, **comments):
 
 
 def test_assumed_spring_and_damper_vary_alone_and_together(tmp_path):
-    plain = load_scene(ENGINES, **FORMULA)
+    plain = load_scene("loveikin-2015-engines", **FORMULA)
     variants = drive_variants(plain)
     springs = ["stiffness ÷ 3", "stiffness ÷ 1.73", "stiffness × 1.73", "stiffness × 3"]
     alone = [*springs, "damping ratio 0.02", "damping ratio 0.2"]
@@ -207,7 +209,7 @@ def test_measured_drive_and_cart_vary_by_what_their_comments_state(tmp_path):
     [("motor", ["inertia ÷ 1.5", "inertia × 1.5"], [1 / 1.5, 1.5]), ("hydraulic", [], []), ("rigid", [], [])],
 )
 def test_inertia_of_the_motor_varies(kind, words, values):
-    found = drive_variants(load_scene(ENGINES, **NO_SPRING, **OTHER_DRIVES[kind]))
+    found = drive_variants(load_scene("loveikin-2015-engines", **NO_SPRING, **OTHER_DRIVES[kind]))
     assert [each.label for each in found] == words
     assert [each.keys["drive.motor.flywheel_inertia"] for each in found] == pytest.approx(values)
 
@@ -216,7 +218,7 @@ def test_inertia_of_the_motor_varies(kind, words, values):
 def test_peaks_change_with_the_inertia():
     """A stiff motor hardly feels its inertia: the peak power changes by some 1e-9."""
     laws = {"motion.laws": ["cubic", "parabolic"], "motion.duration": 3.0, "output.items": ["report"]}
-    known = Study(load_scene(ENGINES, **NO_SPRING | OTHER_DRIVES["motor"] | laws)).uncertainty
+    known = Study(load_scene("loveikin-2015-engines", **NO_SPRING | OTHER_DRIVES["motor"] | laws)).uncertainty
     low, high = known.source(DRIVE).changes(known.laws["peak_power"], "peak_power")
     assert 1e-9 < max(abs(low), abs(high)) < 0.2
 
@@ -245,7 +247,7 @@ def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):
     monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", lambda *_: most)
     monkeypatch.setattr(stage, "SAMPLES", 64)
     laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
-    known = Study(load_scene(ENGINES, **FORMULA | laws)).uncertainty
+    known = Study(load_scene("loveikin-2015-engines", **FORMULA | laws)).uncertainty
     law = known.laws[FORCE]
     assert known.source(SHARES).changes(law, FORCE) == pytest.approx((-most, most))
     assert known.margin(FORCE) ** 2 - known.margin(FORCE, (SHARES,)) ** 2 == pytest.approx(most**2)
@@ -264,7 +266,7 @@ def test_columns_are_valid_up_to_two_contact_lengths():
 
 
 def test_fitted_models_are_one_witness():
-    lead = load_scene(ENGINES)
+    lead = load_scene("loveikin-2015-engines")
     assert fitted_inputs(lead) == ("mix.overrides.heckel_slope", "layer.fed_density_ratio")
     assert fitted_inputs(lead.with_engine("column")) == ("mix.overrides.heckel_slope", "layer.fed_density_ratio")
     assert fitted_inputs(lead.with_engine("formula")) == ("mix.overrides.effective_modulus", "machine.roller_friction")
@@ -293,7 +295,7 @@ AIR = {"mix.pore_air": "one-way"}
 def kept_contacts(air):
     """Directory with the contacts of the main scene by finite elements, with or without pore air, for every turn."""
     directory = Path(tempfile.mkdtemp())
-    study = Study(load_scene(ENGINES, **RIGID | (AIR if air else {})))
+    study = Study(load_scene("loveikin-2015-engines", **RIGID | (AIR if air else {})))
     assert list(study.keep(directory, []))
     return directory
 
@@ -311,7 +313,7 @@ def kept_contacts(air):
 @pytest.mark.parametrize("turn", FIRST)
 def test_first_laws_over_the_duration_are_those_of_every_valid_engine(changes, turn):
     kept = None if "accuracy.engine" in changes else kept_contacts("mix.pore_air" in changes)
-    case = Study(load_scene(ENGINES, **changes | RIGID, **{"drive.turn": turn}), directory=kept)
+    case = Study(load_scene("loveikin-2015-engines", **changes | RIGID, **{"drive.turn": turn}), directory=kept)
     assert kept is None or case.stages.contacts.kept
     places = {case.scene.motion.duration: case.stages.drive.places}
     places |= {duration: each.places for duration, each in case.stages.drive.other_durations.items()}

@@ -1,7 +1,5 @@
 """Balances of work and mix: closed forms, columns as an independent integration, and the published throughput."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,12 +10,11 @@ from compact.material.laws import Compaction
 from compact.report.text import say
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 PRINTED = {"motion.duration": 0.4 / 0.45, "product.mould_speed": 1.1 / 60}  # .45 m/s, 1 to 1.15 m/min
 
 
 def study(**changes):
-    return Study(load_scene(SMALL, **{"output.items": [], "drive.turn": "step"} | changes))
+    return Study(load_scene("small", **{"output.items": [], "drive.turn": "step"} | changes))
 
 
 def test_confined_work_is_the_integral_in_closed_form():

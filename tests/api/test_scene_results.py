@@ -10,14 +10,12 @@ from matplotlib.figure import Figure
 
 import compact
 
-ROOT = Path(__file__).parents[2]
-SCENES = ROOT / "compact" / "data" / "scenes"
 SPEEDS = (0.05, 0.1, 0.2)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return compact.load_scene(SCENES / "small.toml", **{"accuracy.engine": "column", "drive.rank_by": ["peak_force"]})
+    return compact.load_scene("small", **{"accuracy.engine": "column", "drive.rank_by": ["peak_force"]})
 
 
 @pytest.fixture(scope="module")

@@ -141,14 +141,3 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
 
 
 # scenes, records and refusals
-
-
-@pytest.mark.slow
-def test_thinner_lower_lifts_tend_to_the_rigid_base():
-    lower = (replace(LOWER, thickness=thickness) for thickness in (0.002, LOWER.thickness, 0.12))
-    layers = [LIFT, *(replace(LIFT, lower_lift=each) for each in lower)]
-    options = {"increments": 4, "steady_tolerance": 2e-4}  # the first loss is as small as the usual tolerance
-    on_base, *lifts = (roll(layer, ROLLER, MIX, 0.13, **options) for layer in layers)
-    losses = [1 - rolled.resistance / on_base.resistance for rolled in lifts]
-    assert 0 < losses[0] < 2e-3
-    assert losses[0] < losses[1] < losses[2] < 2 * losses[1]

@@ -177,18 +177,6 @@ def test_rigid_lower_ply_is_a_bonded_base(base):
 # order
 
 
-@pytest.mark.slow
-def test_load_on_plies_converges():
-    layer, loads = two_plies(0.005, 20.0), []
-    rows = mesh.graded_mesh(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
-    for _ in range(3):
-        loads.append(roll(layer, PRESSED, MIX, 1.0, mesh=rows).load)
-        rows = rows.refined()
-    exact = spectral.roll(layer, PRESSED, MIX, 1.0, rtol=1e-8).load
-    order = -np.polyfit(range(3), np.log2(np.abs(np.array(loads) - exact)), 1)[0]
-    assert order >= 2, f"observed order of the load {order:.2f}"
-
-
 # comparison of the engines with stiffness ratios of 20 at several depths of the interface
 
 

@@ -1,7 +1,6 @@
 """Motors inside the rollers: rolling without creepage, Carter's cylinder, the finite-element engine, balances."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,7 +35,6 @@ from compact.scene.loader import load_scene
 R, LOAD, FRICTION, ROLLERS = 0.11, 9740.0, 0.35, 2
 FREE_CREEP, CREEP_SLOPE = -0.02, 0.09  # creepage of a free roller, and its slope over `carter_parameter`
 RESISTANCE = dry_resistance(3486.0)
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 
 
 def cart(**changes):
@@ -178,9 +176,7 @@ SPEEDS = (0.1, 0.2, 0.3)
 def by_fem():
     """Study of a heavy cart whose contacts are the samples of its resistance map."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
-    study = Study(
-        load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3, "machine.weight": 39240.0})
-    )
+    study = Study(load_scene("loveikin-2015", **changes, **{"machine.mass": 4e3, "machine.weight": 39240.0}))
     rolled = [
         fem.roll(*contact_inputs(study.scene, study.stages.contacts.mix, "fem", speed), speed, estimate=False)
         for speed in SPEEDS
@@ -226,10 +222,6 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     assert rolled.work_residual * max(abs(rolled.resistance), 1e-3 * rolled.load) < 5e-4 * own.load
     assert kept > 0
     assert own.resistance - pull + torque / R * (1 + result.creep[0]) == pytest.approx(kept, abs=1e-3 * own.load)
-
-
-def slides(*_, **__):
-    raise RuntimeError("the roller slides")
 
 
 # beyond the Coulomb limit

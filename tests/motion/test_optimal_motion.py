@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from compact.motion.optimal_motion import optimise
 from compact.motion.optimisation_problem import SplineSpace, bernstein_basis, graded_breaks, halve
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
 FAST_SEEDS = (4, 9)  # of 60 random problems; the others are slow
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
@@ -306,7 +304,7 @@ def test_limits_relaxed_together_are_feasible():
 
 @pytest.fixture(scope="module")
 def machine():
-    return Study(load_scene(SCENES / "loveikin-2015.toml", **{"drive.turn": "step"}))  # the steady force is optimised
+    return Study(load_scene("loveikin-2015", **{"drive.turn": "step"}))  # the steady force is optimised
 
 
 @pytest.mark.sampled(1)

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from html import unescape
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,14 +18,13 @@ from compact.report.page import Picture, Section, render_page
 from compact.report.tables import TableSpec, format_column, format_number, format_percent, format_quantity
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 SECTIONS = ["ranking", "contact", "uncertainty", "drive", "checks", "explained", "inputs"]
 MOST_WORDS, MOST_VISIBLE = 6000, 1200  # of a page, and of its answer
 
 
 def scene(name="small", **changes):
-    return load_scene(SCENES / f"{name}.toml", **changes)
+    return load_scene(name, **changes)
 
 
 @pytest.fixture(scope="module")

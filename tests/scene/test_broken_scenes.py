@@ -75,7 +75,7 @@ def case(seed):
         low, high = TARGETS[key]
         changes[key] = math.exp(draw.uniform(math.log(low), math.log(high)))
     deep = draw.random() < 0.7
-    tables = load_scene(SMALL).model_dump()
+    tables = load_scene("small").model_dump()
     if deep and command == "run":
         name = draw.choice(tuple(DRIVES))
         changes |= DRIVES[name]

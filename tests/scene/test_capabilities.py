@@ -17,7 +17,6 @@ from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roll
 from compact.scene.constraints import adapt
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SPEED = 0.1
 
 
@@ -40,7 +39,7 @@ def taken(engine, key, value, friction):
 @pytest.mark.parametrize("engine", [engine for engine in BUILT_IN if engine != "process"])
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
-    study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
+    study = Study(load_scene("small", **{"mix.overrides.steel_friction": friction}))
     layer, _, material = contact_inputs(study.scene, study.stages.contacts.mix, engine, SPEED)
     plies = (), (Ply(thickness=layer.height, stiffness=2.0),)
     cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
@@ -62,7 +61,7 @@ def test_table_and_engines_accept_the_same_values(engine, friction):
 
 
 def test_spectral_replaces_roller_and_gap_and_states_it():
-    scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
+    scene = load_scene("small", **{"accuracy.engine": "spectral"})
     given, sentences = adapt(scene, "spectral")
     assert (given.machine.roller_condition, given.machine.gap_geometry) == ("frictionless", "circle")
     assert sentences == (
@@ -76,7 +75,7 @@ def test_spectral_replaces_roller_and_gap_and_states_it():
 
 def test_compared_formulas_neglect_keys_that_they_do_not_accept():
     plies = [{"thickness": 0.16, "relative_modulus": 2.0}, {"thickness": 0.06, "relative_modulus": 1.0}]
-    scene = load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
+    scene = load_scene("small", **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
     assert scene.with_engine("formula").contact.indentation is None
     assert scene.replacements["fem"] == ()
     replaced = [sentence.partition(", as ")[0] for sentence in scene.replacements["formula"]]
@@ -110,7 +109,7 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
 
 def test_formulas_meet_a_prescribed_load():
     load = 15000.0
-    study = Study(load_scene(SMALL, **{"contact.load": load}))
+    study = Study(load_scene("small", **{"contact.load": load}))
     assert study.stages.contacts.engineering.roller_force == pytest.approx(load, rel=1e-12)
     assert study.stages.contacts.numbers["roller_force"].low is None
     assert study.stages.contacts.numbers["pressure"].known_by.startswith("contact: as prescribed")

@@ -1,15 +1,11 @@
 """Plausible ranges: a value in other units is advised against or refused, and the user may insist."""
 
-from pathlib import Path
-
 import pytest
 
 from compact.material import mix
 from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene
 from compact.scene.schema import Overrides
-
-SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 
 
 def test_every_key_of_the_mix_is_checked_against_the_spread_of_the_prior():
@@ -33,7 +29,7 @@ def test_outside_is_advice_and_ten_times_outside_is_refused(times, advised, refu
 
 
 def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
-    scene = load_scene(SMALL, **{"unusual": ["mix.overrides.heckel_slope"], "mix.overrides.heckel_slope": 13.0})
+    scene = load_scene("small", **{"unusual": ["mix.overrides.heckel_slope"], "mix.overrides.heckel_slope": 13.0})
     assert scene.mix.overrides.heckel_slope == 13.0
     assert scene.advice == ()
     assert scene.replaced(**{"mix.overrides.heckel_slope": 2e-4}).advice == ()

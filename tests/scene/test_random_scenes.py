@@ -57,7 +57,7 @@ def case(seed):
     scene, engine, file = draw.choice(NAMES), draw.choice(ENGINES), draw.choice(get_args(OutputItem))
     changes = {"accuracy.engine": engine, "motion.laws": draw.sample(LAW_NAMES, draw.choice((1, 1, 2, 3)))}
     changes["output.items"] = draw.choice(([], ["tables"], ["tables"], ["report"], [file]))
-    tables = load_scene(SCENES / f"{scene}.toml").model_dump(mode="json", exclude_none=True)
+    tables = load_scene(scene).model_dump(mode="json", exclude_none=True)
     if draw.random() < 0.7:
         changes["unusual"] = list(plausible_ranges.COMPARED_KEYS)
     for name in draw.sample(tuple(TABLES), 2):
@@ -73,7 +73,7 @@ def one_of(draw, scene, changes, more):
     """Changes with more of them, seldom without regard to the rules of a scene."""
     with suppress(SceneError):
         if draw.random() > 0.05:
-            load_scene(SCENES / f"{scene}.toml", **changes | more)
+            load_scene(scene, **changes | more)
         return changes | more
     return changes
 

@@ -1,14 +1,12 @@
 """A refused scene states file, line, key, rule, value and remedy: the table of `refusals`, read from a file and set."""
 
 import re
-from pathlib import Path
 
 import pytest
 import refusals
 
 from compact.scene.loader import SceneError, load_scene
 
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 ALL = ("BOUNDS", "NAMES", "RULES", "ENGINES", "UNITS", "PROCESS")
 
 
@@ -29,7 +27,7 @@ def has(mistake, words):
 @pytest.mark.parametrize(("scene", "changes", "words"), rows(*ALL, "CALLS"))
 def test_a_refusal_states_key_rule_value_and_remedy(scene, changes, words):
     with pytest.raises(SceneError) as caught:
-        load_scene(SCENES / f"{scene}.toml", **changes)
+        load_scene(scene, **changes)
     (mistake,) = [each for each in caught.value.mistakes if has(each, f": {words}")][:1] or [caught.value.mistakes]
     assert isinstance(mistake, str), mistake
     assert not re.search(r"\n|nan at|Error|pydantic", mistake)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import sweeps
 import xarray
-from sweeps import SCENES
 
 from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import sweep as sweep_report
@@ -15,9 +14,8 @@ from compact.sweep import corrected
 from compact.sweep import run as sweep
 from compact.sweep.corrected import choose_points, connected_parts, fit_surface, inside_hull
 
-SCENE_FILE = SCENES / "loveikin-2015.toml"
 THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}
-SCENE = load_scene(SCENE_FILE, **THIN)
+SCENE = load_scene("loveikin-2015", **THIN)
 GRID = ("mix.moisture=0.08:0.12:6", "mix.density_ratio=0.95:0.98:6")
 PLACES = np.array([(x, y) for x in np.linspace(0, 1, 6) for y in np.linspace(0, 1, 6)])
 
@@ -141,24 +139,6 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert "error of interpolation" in digest
     xarray.testing.assert_identical(sweep.read_sweep(tmp_path / "sweep.nc").astype(object), table.astype(object))
     assert many.store.computed == len(many.store.used) == 36 + len(solved)
-
-
-def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
-    whole, _ = swept(tmp_path / "whole")
-    count = len(solved)
-
-    def interrupt(points, _failed):
-        if points:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        swept(tmp_path / "out", step=interrupt)
-    assert len(solved) == count + 6
-    table, many = swept(tmp_path / "out", resume=True)
-    assert len(solved) == 2 * count
-    assert many.store.computed == count - 6
-    xarray.testing.assert_identical(table, whole)
-    assert swept(tmp_path / "out", resume=True)[1].store.computed == 0
 
 
 # (d) choice of the sweep

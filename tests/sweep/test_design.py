@@ -1,7 +1,5 @@
 """Design of a sweep: grids, lists and samples; refusals before any computation."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from compact.material import mix
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 
-SCENE = load_scene(Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015.toml")
+SCENE = load_scene("loveikin-2015")
 PRIOR = SCENE.replaced(**{"mix.overrides.effective_modulus": None})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray
 from interrupts import of_unix
-from sweeps import COLUMNS, FORMULA, SCENES, swept
+from sweeps import COLUMNS, FORMULA, swept
 
 from compact import files
 from compact.analysis.stages import ensemble
@@ -250,7 +250,7 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
 def test_bands_contain_the_calibrated_operating_point(tmp_path):
     slope, fed = 15.228e-6, 0.93430  # fitted by columns to 9740 N and 0.179, see test_studies
     scene = {"accuracy.engine": "column", "layer.fed_density_ratio": fed}
-    table, _ = swept(tmp_path, load_scene(SCENES / "loveikin-2015.toml", **scene), ["mix.overrides=~64"])
+    table, _ = swept(tmp_path, load_scene("loveikin-2015", **scene), ["mix.overrides=~64"])
     for quantity, calibrated in (("load", 9740.0), ("resistance", 2 * 0.179 * 9740), ("resistance_coefficient", 0.179)):
         low, _, high = sweep_report.band(table, quantity)
         assert low < calibrated < high
@@ -275,7 +275,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
 def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
     """Slow moulds and quick strokes are possible; beyond, the nip angle draws in too little mix for the density."""
     few = {"accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2}
-    scene = load_scene(SCENES / "process.toml", **few)
+    scene = load_scene("process", **few)
     table, _ = swept(tmp_path, scene, ["process.mould_speed=0.015,0.03", "motion.duration=0.6,0.9"])
     assert (table.reason != "").sum() == 1
     assert "nip angle" in str(table.reason.values[1, 1])
