@@ -1,12 +1,14 @@
-"""Engine "process": resistance of all strokes to the drives, its map, durations, return stroke, and kept results."""
+"""Engine "process" in a study: resistance of all strokes, durations, other machines, operating window."""
 
 import re
 
 import numpy as np
 import pytest
 from lift_sequences import sequence
+from sampling import sampled
 
 from compact.analysis import process
+from compact.analysis.operating_window import calibrate_window, limits_met, reached_by, window_digest
 from compact.analysis.process import ProcessStudy
 from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.stages.drives import build_stages
@@ -14,7 +16,9 @@ from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
 from compact.report import text
+from compact.report.text import sentences
 from compact.scene.loader import load_scene
+from compact.scene.plant_data import StrokeRow
 
 SMALL = {
     "accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2,
@@ -186,3 +190,134 @@ def test_forces_of_lifts_are_in_proportion_to_the_rate_factor():
     for name in ("load", "resistance"):
         ratio = slow.values(name) / fast.values(name)
         assert ratio == pytest.approx(np.full(len(ratio), factors[1] / factors[0]), rel=0.012)
+
+
+# ---- Forming process of other machines by columns: hard cases, ten random machines, a plate with three rollers
+
+
+FEW = {"process.layers": 1, "machine.roller_length": 0.4}
+AT_REST = {"process.mould_speed": 0.0}
+OPEN = {"process.product_density_ratio": None}
+HARD = {
+    "product thinner than a bite": {"product.height": 0.005, "unusual": ["product.height"]},
+    "one stroke": AT_REST | OPEN | {"process.strokes": 1, "process.gap": 0.004},
+    "mould at rest": AT_REST | {"process.strokes": 60},
+    "feed below the demand": OPEN | {"process.extrusion_pressure": 203e3, "process.offered_thickness": 1e-4},
+    "dry": {"mix.moisture": 0.08},
+    "wet": {"mix.moisture": 0.12},
+    "extrusion by the wedge": OPEN,
+    "plate of 100 mm, three rollers": {
+        "product.height": 0.1, "machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3],
+    },
+}  # fmt: skip
+PASS = 0.4 / 0.45  # [s]
+REMEDIES = ("are needed", "give ", "feed less", "choose")  # of refusals
+
+
+def balanced(changes):
+    """Numbers of a process whose mix and work close, and whose resistance is not below its floor."""
+    study = ProcessStudy(load_scene("process", **FEW | changes))
+    numbers = study.row.numbers
+    assert abs(numbers["mass_residual"]) < 1e-12
+    assert numbers["work_residual"] < 1e-12
+    assert numbers["confined_floor"] <= numbers["resistance"] * (1 + 1e-9)
+    return study, numbers
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("changes", HARD.values(), ids=HARD)
+def test_hard_cases_close_their_balances(changes):
+    study, numbers = balanced(changes)
+    assert numbers["load"] > 0
+    assert all(part.force is None or np.isfinite(part.force) for part in study.parts)
+
+
+@pytest.mark.slow
+def test_ten_thousand_strokes_close_their_balances():
+    slow = 1.0001 * FEW["machine.roller_length"] / (10_000 * PASS)
+    _, numbers = balanced({"process.mould_speed": slow, "unusual": ["process.mould_speed"]})
+    assert numbers["strokes"] == pytest.approx(9999, abs=1)
+
+
+def machine(seed):
+    rng = np.random.default_rng((2028, seed))
+    density = float(rng.uniform(0.945, 0.985))
+    return {
+        "machine.roller_radius": float(rng.uniform(0.05, 0.11)), "machine.roller_length": float(rng.uniform(0.2, 1.5)),
+        "product.height": float(rng.uniform(0.05, 0.4)), "process.mould_speed": float(10 ** rng.uniform(-2.3, -1.2)),
+        "motion.duration": float(rng.uniform(0.4, 2.0)), "process.feed_density_ratio": float(rng.uniform(0.73, 0.85)),
+        "mix.moisture": float(rng.uniform(0.08, 0.12)), "process.product_density_ratio": density,
+        "mix.density_ratio": density, "unusual": ["process.mould_speed", "motion.duration"],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", sampled(range(10), range(2)))
+def test_a_random_machine_has_results_or_a_remedy(seed):
+    try:
+        balanced(machine(seed))
+    except ValueError as error:
+        assert any(words in str(error) for words in REMEDIES), error  # noqa: PT017
+
+
+# ---- Operating window of a forming process: limits that are met, and calibration by the rows of a plant
+
+
+SHORT = {"machine.roller_length": 0.3, "process.layers": 1, "process.product_density_ratio": None}
+OFFERED = {"process.offered_thickness": 4e-3}
+PLANT = {  # other mix, sleeves, plate and feed than those of the scene
+    "mix.overrides.heckel_slope": 1e-5, "mix.overrides.unloading_modulus": 180e6, "process.extrusion_pressure": 180e3,
+    "process.offered_thickness": 4.5e-3, "process.feed_density_ratio": 0.77, "process.plate_pressure": 30e3,
+    "sleeve.head": 0.6, "sleeve.wall_friction": 0.25,
+}  # fmt: skip
+MOTOR = {
+    "curve": "linear", "torque": 10.0, "speed": 100.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
+}  # fmt: skip
+ROWS = (0.0175, 67.5), (0.013, 67.5), (0.0175, 50.0), (0.03, 90.0), (0.022, 60.0)
+HELD_OUT = (0.015, 60.0), (0.02, 80.0), (0.025, 90.0), (0.0118, 60.0), (0.033, 90.0)  # the last faster than all rows
+BEYOND = (0.027, 60.0), (0.0105, 45.0)  # 27 mm a stroke, where the sleeves of the plant limit; fewer strokes a minute
+
+
+def plants_row(scene, place):
+    return StrokeRow(*place, *reached_by(ProcessStudy(scene.replaced(**StrokeRow(*place).changes(0.0)))))
+
+
+@pytest.mark.slow
+def test_five_rows_of_a_plant_calibrate_the_window():
+    """Rows of another parameter set; at other points the density is within 0.01 and the force within 15 %."""
+    scene = load_scene("process", **SHORT, **OFFERED)
+    plant = scene.replaced(**PLANT)
+    found = calibrate_window(scene, [plants_row(plant, place) for place in ROWS])
+    for place in HELD_OUT:
+        row = plants_row(plant, place)
+        before = reached_by(ProcessStudy(scene.replaced(**row.changes(0.0))))
+        density, force = reached_by(ProcessStudy(found.scene.replaced(**row.changes(0.0))))
+        assert density == pytest.approx(row.density_ratio, abs=0.01)
+        assert force == pytest.approx(row.force, rel=0.15)
+        assert abs(before[0] - row.density_ratio) > 0.01
+        assert limits_met(ProcessStudy(found.scene.replaced(**row.changes(0.0)))) == ""
+    digest = window_digest(found)
+    assert "extrusion_pressure" in digest
+    assert "measured_strokes = [50.0, 90.0]  # of the rows" in digest
+    for place, words in zip(
+        BEYOND, ("stroke 0.027 m in place of 0.0116 to 0.022 m", "minute 45 in place of 50 to 90"), strict=True
+    ):
+        study = ProcessStudy(found.scene.replaced(**StrokeRow(*place).changes(0.0)))
+        assert "rows" in limits_met(study)
+        assert any(words in remark for remark in sentences("process_remarks", study))
+    fast = plants_row(plant, BEYOND[0])  # told, and wrong: no row meets the limit of the sleeves
+    error = reached_by(ProcessStudy(found.scene.replaced(**fast.changes(0.0))))[0] - fast.density_ratio
+    assert abs(error) > 0.02
+
+
+@pytest.mark.parametrize(
+    ("changes", "met"),
+    [
+        ({"process.extrusion_pressure": 340e3, "machine.roller_length": 0.1, "process.mould_speed": 0.03}, "bite"),
+        ({"process.offered_thickness": 1e-3, "process.extrusion_pressure": 340e3}, "feed"),
+        ({"process.extrusion_pressure": 3e5}, "full density"),
+        ({}, ""),
+        ({"drive.kind": "motor", "drive.motor": MOTOR}, "drive"),
+    ],
+)  # fmt: skip
+def test_limits_are_named(changes, met):
+    assert limits_met(ProcessStudy(load_scene("process", **SHORT | changes))) == met
