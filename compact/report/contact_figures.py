@@ -15,7 +15,6 @@ from compact.analysis.stages.verdict import ModelAnswer
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED, Quantity
 from compact.report.figures import (
-    DASHES,
     PALETTE,
     PHONE_LEGEND,
     PHONE_MARGINS,
@@ -32,7 +31,6 @@ from compact.rolling_contact import Contact
 if TYPE_CHECKING:
     from meshio import Mesh
 
-SMALL_ACCELERATION = 1e-3  # [-], of the largest acceleration at 1 m/s; small against the memory of the layer
 LEAST_SPAN = 0.02  # [-], of a value, shown on each side of a constant curve
 FIELD_COLOURS = {"pressure": "viridis", "dissipation": "magma", "density_ratio": "cividis", "plastic_work": "magma"}
 FIELD_DECADES = {"dissipation": 3}  # [-], decades of a logarithmic colour scale below the maximum
@@ -70,27 +68,6 @@ def draw_pressure(contact: Contact, exact: LineContact, speed: float) -> Figure:
     return figure
 
 
-def draw_density(passes: Sequence[Contact]) -> Figure:
-    """Draw the density ratio over the height behind each pass, constant in each row of the engine.
-
-    Parameters
-    ----------
-    passes : sequence of Contact
-        Results of the passes over a compacting layer.
-    """
-    from compact.analysis.multipass import density as density_rows
-
-    figure, ((ax,),) = panels(1, 1, (4.4, 3.5))
-    for number, contact in enumerate(passes):
-        bottom, top, ratio = density_rows(contact).T
-        edges = np.append(bottom, top[-1]) * FIELD["height"].plot_factor
-        style = {"color": PALETTE[number % len(PALETTE)], "linestyle": DASHES[number % len(DASHES)]}
-        ax.stairs(ratio, edges, orientation="horizontal", baseline=None, label=f"after pass {number + 1}", **style)
-    ax.set(xlabel=FIELD["density_ratio"].axis_label, ylabel=FIELD["height"].axis_label, ylim=(0, None))
-    ax.legend(frameon=False)
-    return figure
-
-
 def draw_loads(contacts: Sequence[Contact]) -> Figure:
     """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates."""
     figure, (both,) = panels(1, 2, (4.4, 2.9))
@@ -107,7 +84,7 @@ def draw_loads(contacts: Sequence[Contact]) -> Figure:
 
 
 def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figure:
-    """Draw the resistance of one cart over speed at several accelerations, and the added mass.
+    """Draw the resistance of one cart over speed at several accelerations.
 
     Curves are dotted beyond first order in the acceleration, see `ResistanceMap.is_unsteady`.
 
@@ -118,8 +95,7 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
     """
     masses, resistance = resistance_map.added_masses, MOTION["cart_resistance"]
     known = masses is not None and bool(np.any(masses))
-    ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
-    figure, ((ax, *second),) = panels(1, 1 + known, (width, 3.4), width_ratios=ratios)
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.4))
     speed = np.linspace(0, resistance_map.speeds[-1], 801)[1:]
     axes = ax, SPEED, resistance
     for share, color in zip((-1, -0.5, 0.5, 1), colormaps["coolwarm"]((0.0, 0.2, 0.8, 1.0)), strict=True):
@@ -134,14 +110,7 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(0.0, 1.05 * high))
     ax.legend(frameon=False, fontsize=8)
-    for panel in second:
-        small = speed * SMALL_ACCELERATION * (acceleration or 1.0)  # of an unlimited added mass
-        mass = (resistance_map(speed, small) - resistance_map(speed)) / small
-        curve(panel, SPEED, MOTION["added_mass"], speed, mass, color="black")
-        curve(panel, SPEED, MOTION["added_mass"], resistance_map.speeds, masses, "o", color="black", markersize=4)
-        panel.axhline(0, **ZERO)
-    for panel in (ax, *second):
-        panel.set_xlim(0, 1.02 * resistance_map.speeds[-1])
+    ax.set_xlim(0, 1.02 * resistance_map.speeds[-1])
     return figure
 
 

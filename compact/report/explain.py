@@ -55,7 +55,7 @@ CHAINS = {  # key, or table of the summary -> links; of a key that has none its 
     "pressure_angle": "law cam", "drive_resistance": FORCE, "held": "mix contact", "return_stroke": FORCE,
     "pore_air": "mix contact air", "model_spread": "mix contact", "steady_forces": FORCE,
     "machine_sizing": f"{FORCE} law drive shaft", "work_balance": f"{FORCE} balance", "numbers": "mix contact",
-    "contacts": "mix contact", "laws": f"{FORCE} law drive", "comparison": FORCE, "roller_motors": f"{FORCE} law",
+    "contacts": "mix contact", "laws": f"{FORCE} law drive", "comparison": FORCE,
     "cam": "law cam", "prior_resistance": FORCE, "fitted_resistance": FORCE, "decision": f"{FORCE} law drive sources",
     "verdict": f"{FORCE} law drive sources", "rankings": f"{FORCE} law drive",
     "robust_laws": f"{FORCE} law drive",

@@ -20,7 +20,7 @@ from compact.engines.process.roller_row import RollerRow
 from compact.files import write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, PROCESS_LIFTS, STROKE, Quantity, column_names
 from compact.report.figures import PALETTE, panels
-from compact.report.tables import TableSpec, format_percent, format_quantity, json_number, json_numbers, write_arrays
+from compact.report.tables import TableSpec, format_percent, format_quantity, json_number, json_numbers
 from compact.report.text import say, sentences
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         frames: list[tuple[float, meshio.Mesh]] = [(float(number), mesh) for number, mesh in meshes if mesh is not None]
         files += [table.write(directory / "lifts.csv"), write_figure(directory / "lifts.png", draw_lifts(row))]
         files += write_vtu_series(directory / "lifts.pvd", "lifts", "lift", frames)
-    files.append(write_arrays(directory / "strokes.csv", names, values))
+    files.append(TableSpec.of_arrays("strokes", names, values).write(directory / "strokes.csv"))
     files += write_vtu_series(directory / "fields.pvd", "fields", "strokes", row.frames())
     write_json(directory / "process.json", process_summary(study))
     return [*files, directory / "process.json"]

@@ -14,9 +14,7 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
-from compact.report.tables import Getter, TableSpec, write_arrays
-
-File = TableSpec | tuple[str, str, Sequence[Any]]  # table by the name of its file; or name, columns and long arrays
+from compact.report.tables import Getter, TableSpec
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 CONTACT = (
@@ -68,7 +66,7 @@ def contact_table(study: Study) -> TableSpec:
     return TableSpec.of("contact", study.stages.contacts.records, CONTACT, **beside)
 
 
-def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[File]:
+def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[TableSpec]:
     """Tabulate forces and compaction of each pass, and the density over the height; even passes have negative speed."""
     from compact.analysis.multipass import density
 
@@ -119,7 +117,7 @@ def mix_table(study: Study) -> TableSpec:
     return TableSpec.of("mix", study.stages.contacts.mix.parameters, "parameter=name value unit low high flag origin")
 
 
-def study_tables(study: Study) -> Iterator[File]:
+def study_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate formulas, mix, laws, cycles, drive, rankings and sizing: the output item "tables"."""
     joins = [(name, join) for name, cycle in study.stages.laws.cycles.items() for join in cycle.discontinuities()]
     names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
@@ -128,13 +126,13 @@ def study_tables(study: Study) -> Iterator[File]:
     for name, run in study.stages.drive.runs.items():
         forces = run.state.forces
         values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction
-        yield f"cycles/{name}", CYCLE, values
+        yield TableSpec.of_arrays(f"cycles/{name}", CYCLE, values)
     yield from _drive_tables(study)
     yield from _ranking_tables(study)
     yield from sizing_tables(study.machine_sizing)
 
 
-def _drive_tables(study: Study) -> Iterator[File]:
+def _drive_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate the runs of the drive of the scene, and its own arrays."""
     stage = study.stages.drive
     if stage.model.table:
@@ -142,10 +140,10 @@ def _drive_tables(study: Study) -> Iterator[File]:
         yield TableSpec.of(
             title, stage.model.own_runs(list(study.stages.drive.runs.values())), names, **stage.model.computed
         )
-    yield from stage.tables()
+    yield from (TableSpec.of_arrays(*table) for table in stage.tables())
 
 
-def _ranking_tables(study: Study) -> Iterator[File]:
+def _ranking_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate rankings and, where engines are compared, their contacts."""
     ranked = [
         (each, CRITERIA[by].unit, each.law, by, engine, moved_by)
@@ -165,7 +163,7 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
     return None if heavier is None else error(run, heavier.get(run.name), by)
 
 
-def reaction_tables(study: Study) -> Iterator[File]:
+def reaction_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate the extremes of the guide-wheel reactions."""
     rows = []
     for name, run in study.stages.drive.runs.items():
@@ -176,12 +174,12 @@ def reaction_tables(study: Study) -> Iterator[File]:
     yield TableSpec.of("reactions", rows, names)
 
 
-def cam_tables(study: Study) -> Iterator[File]:
+def cam_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate all cams, the rotation of the rollers, and the requirements on motors in them."""
     laws, motors = study.stages.laws, study.stages.drive.roller_motors
     for (law, follower), cam in laws.cams.items():
         points = cam.table(CAM_POINTS)
-        yield f"cams/{law}-{follower}", " ".join(points), list(points.values())
+        yield TableSpec.of_arrays(f"cams/{law}-{follower}", " ".join(points), list(points.values()))
     cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
     yield TableSpec.of("cams", cams, CAM)
     for law, cycle in study.stages.laws.cycles.items():
@@ -193,22 +191,17 @@ def cam_tables(study: Study) -> Iterator[File]:
         if motor.roller.has_creep:
             names += " creep angle_with_creep_rad angular_velocity_with_creep_rad/s"
             values += [state.creep, motor.angle(time), motor.angular_velocity(time)]
-        yield f"cams/{law}-stepper", names, values
-    yield roller_motor_table(study)
+        yield TableSpec.of_arrays(f"cams/{law}-stepper", names, values)
+    names = "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power peak_creep=1.peak_creep share=1.share"
+    yield TableSpec.of("roller-motors", motors.items(), f"{names} lack=1.lack")
     roller: Any = next(iter(motors.values())).roller
     if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         names = "speed_m/s torque_Nm pull_N creep load_N"
-        yield "driven-roller", names, [column.ravel() for column in sampled]
+        yield TableSpec.of_arrays("driven-roller", names, [column.ravel() for column in sampled])
 
 
-def roller_motor_table(study: Study) -> TableSpec:
-    """Tabulate the requirements of each law on the motors in the rollers."""
-    names = "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power peak_creep=1.peak_creep share=1.share"
-    return TableSpec.of("roller-motors", study.stages.drive.roller_motors.items(), f"{names} lack=1.lack")
-
-
-def crank_tables(study: Study) -> Iterator[File]:
+def crank_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate the shaft with 1 to 4 carts, and one turn of the shaft of the scene."""
     turns = study.stages.drive.turns
     means = {key: turn.mean(turn.power) for key, turn in turns.items()}
@@ -220,11 +213,11 @@ def crank_tables(study: Study) -> Iterator[File]:
     for number, cart in enumerate(turn.carts, start=1):
         names += f" rod_force_N_{number} torque_Nm_{number} power_W_{number}"
         values += [cart.rod_force, cart.drive_power / turn.speed, cart.drive_power]
-    yield "crank-turn", names, values
+    yield TableSpec.of_arrays("crank-turn", names, values)
 
 
-def sizing_tables(sizing: MachineSizing) -> Iterator[File]:
-    """Tabulate shaft and motor of every law, the catalogue, loads of wheels and lives, as far as they exist."""
+def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
+    """Tabulate shaft and motor of every law, the catalogue, and loads of wheels, as far as they exist."""
     if sizing.laws:
         yield TableSpec.of("motor-sizing", sizing.laws.values(), SIZING)
     first = sizing.first
@@ -234,12 +227,9 @@ def sizing_tables(sizing: MachineSizing) -> Iterator[File]:
     cycles = [(wheel, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
     names = "load=0.name range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2 engine=0.engine"
     yield TableSpec.of("wheel-loads", cycles, names)
-    if sizing.lives:
-        names = "bearing=0 equivalent_load_N=1.equivalent_load life_million_revolutions=1.million_revolutions "
-        yield TableSpec.of("bearing-lives", sizing.lives.items(), f"{names}life_hours=1.hours valid=1.valid")
 
 
-def duration_tables(found: DurationStudy) -> Iterator[File]:
+def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
     """Tabulate the laws at every duration, and the durations at which the first law changes."""
     ranked = [
         (each, CRITERIA[by].unit, each.run.name, by, duration)
@@ -253,16 +243,11 @@ def duration_tables(found: DurationStudy) -> Iterator[File]:
     yield TableSpec.of("duration-crossovers", found.crossovers, names, **unit)
 
 
-ITEMS: Mapping[str, Callable[[Study], Iterator[File]]] = {  # files by the output items of a scene
+ITEMS: Mapping[str, Callable[[Study], Iterator[TableSpec]]] = {  # files by the output items of a scene
     "reactions": reaction_tables, "cams": cam_tables, "crank": crank_tables, "tables": study_tables,
 }  # fmt: skip
 
 
-def write_tables(place: Path, tables: Iterable[File]) -> Iterator[Path]:
+def write_tables(place: Path, tables: Iterable[TableSpec]) -> list[Path]:
     """Write tables into a directory as CSV."""
-    for table in tables:
-        if isinstance(table, TableSpec):
-            yield table.write(place / f"{table.title}.csv")
-        else:
-            name, names, values = table
-            yield write_arrays(place / f"{name}.csv", names, values)
+    return [table.write(place / f"{table.title}.csv") for table in tables]

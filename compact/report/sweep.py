@@ -9,6 +9,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,18 +99,13 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:
     """Count sentences that differ in numbers only; return the most frequent ones."""
-    ordered = list(_kinds(sentences).values())
-    rest = sum(map(len, ordered[SHOWN_SENTENCES:]))
-    shown = [f"{len(each)} x {each[0]}" for each in ordered[:SHOWN_SENTENCES]]
-    return [*shown, f"{rest} x for other reasons"] if rest else shown
-
-
-def _kinds(sentences: Iterable[str]) -> dict[str, list[str]]:
-    """Return sentences by their words without numbers, the most frequent kind first."""
     kinds: dict[str, list[str]] = {}
     for sentence in filter(None, sentences):
         kinds.setdefault(DIGITS.sub("#", sentence), []).append(sentence)
-    return dict(sorted(kinds.items(), key=lambda kind: -len(kind[1])))
+    ordered = sorted(kinds.values(), key=lambda kind: -len(kind))
+    rest = sum(map(len, ordered[SHOWN_SENTENCES:]))
+    shown = [f"{len(each)} x {each[0]}" for each in ordered[:SHOWN_SENTENCES]]
+    return [*shown, f"{rest} x for other reasons"] if rest else shown
 
 
 # figures
@@ -236,7 +232,8 @@ def draw_window(table: "Dataset") -> Figure:
             met.setdefault(DIGITS.sub("#", word), (word, np.zeros(density.shape)))[1][place] = 1.0
     for (word, cells), hatch in zip(met.values(), HATCHES, strict=False):
         ax.contourf(rate, speed, cells, [0.5, 1.5], colors="none", hatches=[hatch])
-        marks.append(Patch(facecolor="none", edgecolor="black", hatch=hatch, label=_shortened(word)))
+        label = shorten(word, REASON_WIDTH, placeholder=" …")
+        marks.append(Patch(facecolor="none", edgecolor="black", hatch=hatch, label=label))
     mould, duration = (_of_scene(table, name) for name in WINDOW)
     if mould is not None and duration is not None:
         star: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markersize": 14}
@@ -251,11 +248,6 @@ def _of_scene(table: "Dataset", name: str) -> float | None:
     for part in table[name].attrs["key"].split("."):
         found = found.get(part) if isinstance(found, dict) else None
     return found if isinstance(found, int | float) else None
-
-
-def _shortened(reason: str) -> str:
-    """Return a reason for a legend."""
-    return reason if len(reason) <= REASON_WIDTH else f"{reason[:REASON_WIDTH].rpartition(' ')[0]} …"
 
 
 def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:

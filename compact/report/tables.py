@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from compact import quantities
-from compact.files import write_columns, write_csv
+from compact.files import write_csv
 from compact.quantities import Quantity, column_names, unit_symbol
 
 if TYPE_CHECKING:
@@ -162,6 +162,12 @@ class TableSpec:
         return cls(title, found, rows)
 
     @classmethod
+    def of_arrays(cls, title: str, names: str, values: Sequence[Any]) -> Self:
+        """Make a table of arrays of numbers, in columns as of `columns`."""
+        known = dict(map(split_unit, names.split()))
+        return cls(title, {name: Quantity("", unit) for name, unit in known.items()}, np.column_stack(values).tolist())
+
+    @classmethod
     def of_columns(
         cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity] = NO_QUANTITIES
     ) -> Self:
@@ -270,17 +276,6 @@ class Tabular:
 
     def _repr_html_(self) -> str:
         return self.table.to_html()
-
-
-def write_arrays(path: Path, names: str, values: Sequence[Any]) -> Path:
-    """Write long arrays as columns of CSV, in the format of `TableSpec.write` and three times as fast.
-
-    Parameters
-    ----------
-    names : str
-        Columns with their units, separated by blanks.
-    """
-    return write_columns(path, names.split(), [np.asarray(each) for each in values])
 
 
 def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from compact.files import atomic_file, write_figure, write_json
 from compact.report.figures import DASHES, PALETTE, panels
-from compact.validation.case import PREDICTED, VERDICTS, Comparison, Panel, ValidationCase
+from compact.validation.case import PREDICTED, VERDICTS, Panel, ValidationCase
 
 PANEL = (4.3, 3.0)  # [inch], of a figure
 MARKER_SIZE = 4  # [points]
@@ -53,12 +53,17 @@ def markdown_case(case: ValidationCase) -> str:
     remarks: dict[str, int] = {}
     rows: list[Sequence[str]] = []
     for each in case.rows.values():
-        *cells, verdict = _cells(each)
+        scatter = "" if each.scatter is None else f"{each.scatter:.2g}"
+        deviation = "" if math.isnan(each.deviation) else _percent(each.deviation, sign="+")
+        expected = f"{each.absolute:.2g} {each.unit}".removesuffix(" -")
+        if each.relative is not None:
+            expected = _percent(each.relative)
+        cells = (each.quantity, each.unit, f"{each.ours:.6g}", f"{each.theirs:.6g}", scatter, deviation, expected)
         basis = each.basis if each.basis != PREDICTED else ""
         moved = f"MOVED: ours {each.ours:.9g}, recorded {each.recorded:.9g}" if each.moved else ""
         told = [text for text in (basis, each.why, moved) if text]
         places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in told)
-        rows.append((*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict))
+        rows.append((*cells, f"{each.verdict} ({', '.join(map(str, places))})" if places else each.verdict))
     listed = "".join(f"{number}. {text}.\n" for text, number in remarks.items())
     return f"{markdown_table(HEADER, rows)}\n{listed}\nSource: {case.source}.\n"
 
@@ -107,26 +112,6 @@ def draw_case(contents: tuple[Panel, ...]) -> Figure:
         ax.set(xlabel=panel.x_label, ylabel=panel.y_label, xscale="log" if panel.log_x else "linear")
         ax.legend(frameon=False, fontsize="small")
     return figure
-
-
-def _cells(each: Comparison) -> tuple[str, ...]:
-    """Format the cells of one comparison."""
-    scatter = "" if each.scatter is None else f"{each.scatter:.2g}"
-    if each.relative is None:
-        expected = f"{each.absolute:.2g} {each.unit}".removesuffix(" -")
-    else:
-        expected = _percent(each.relative)
-    deviation = "" if math.isnan(each.deviation) else _percent(each.deviation, sign="+")
-    return (
-        each.quantity,
-        each.unit,
-        f"{each.ours:.6g}",
-        f"{each.theirs:.6g}",
-        scatter,
-        deviation,
-        expected,
-        each.verdict,
-    )
 
 
 def _percent(share: float, sign: str = "") -> str:

@@ -29,7 +29,7 @@ from compact.files import (
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
 from compact.report.explain import decision_numbers, input_numbers
-from compact.report.tables import json_number, json_numbers, json_values, write_arrays
+from compact.report.tables import TableSpec, json_number, json_numbers, json_values
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
@@ -136,13 +136,13 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
 
     first, stage, engine = passes[0], study.stages.contacts, study.scene.accuracy.engine
     values = first.x, first.pressure, first.shear_traction
-    write_arrays(directory / "pressure.csv", "x_m pressure_Pa shear_traction_Pa", values)
+    table = TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values)
+    table.write(directory / "pressure.csv")
     content = contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)).to_json()
     write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
     if stage.compacts:
-        list(results.write_tables(directory, results.pass_tables([(speed, passes)])))
-        write_figure(directory / "density.png", contact_figures.draw_density(passes))
+        results.write_tables(directory, results.pass_tables([(speed, passes)]))
     if stage.engine.has_fields:
         list(_write_layers(directory, [(stage.field_mesh(first), first)]))
 
@@ -196,7 +196,6 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     found: dict[str, tuple[Any, ...]] = {}
     if study.stages.contacts.speeds:
         peaks = [cycle.forward.peaks().acceleration for cycle in cycles.values()]
-        found["contact"] = (contact_figures.draw_loads, study.stages.contacts.records)
         found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
     force = study.stages.resistance
     found["stroke"] = (figures.draw_stroke, *force.over_cycle(cycles[drive.best_law].forward), drive.best_law)
@@ -229,10 +228,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         names = "speeds error_between_speeds=error engine_error added_masses relaxation_time"
         resistance |= json_values(stages.resistance.map, names) | {"kept": contacts.kept is not None}
     ratios = json_numbers(contacts.second_pass, "second_pass_load=0 second_pass_resistance=1")
-    spread, motors = study.model_spread, {}
-    if "cams" in scene.output.items:
-        table = results.roller_motor_table(study)
-        motors = {row[0]: dict(zip(list(table.quantities)[1:], row[1:], strict=True)) for row in table.rows}
+    spread = study.model_spread
     return {
         "schema": SCHEMA,
         "title": scene.title,
@@ -261,7 +257,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
-        "roller_motors": motors,
         "comparison": {
             name: {
                 "contacts": [contact.to_json() for contact in other.records],
@@ -402,9 +397,7 @@ def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
         "shaft": json_numbers(first, SHAFT) if first is not None and first.requirement is not None else None,
         "motor": motor,
         "wheels": {
-            wheel.name: json_numbers(wheel, "least_N largest_N")
-            | {"cycles": [json_values(each, "range mean count") for each in wheel.cycles]}
-            | ({"engine": wheel.engine} if sizing.compared else {})
+            wheel.name: json_numbers(wheel, "least_N largest_N") | ({"engine": wheel.engine} if sizing.compared else {})
             for wheel in sizing.wheels
         },
         "bearings": {

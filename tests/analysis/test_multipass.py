@@ -278,8 +278,6 @@ def test_results_list_every_pass(tmp_path):
     lines = (tmp_path / "out" / "passes.csv").read_text().splitlines()
     assert [line.split(",")[:2] for line in lines[1:4]] == [["0.1", "1"], ["-0.1", "2"], ["0.1", "3"]]
     assert len((tmp_path / "out" / "density.csv").read_text().splitlines()) == 1 + 2 * 3
-    report.write_contact(tmp_path / "one", case, 0.2, dict(case.stages.contacts.passes)[0.2])
-    assert (tmp_path / "one" / "density.png").stat().st_size > 5_000
 
 
 # (f) refusals

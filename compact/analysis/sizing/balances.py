@@ -20,15 +20,13 @@ the rollers press more fresh mix than the mould carries away, the forces are tho
 forming process at this throughput, where all passes together compress the mix from its loose state once.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import quad
 
 from compact.analysis.contact_cases import nearest_speed
-from compact.analysis.stages.contacts import ContactStage
-from compact.analysis.stages.drives import DriveStage, Stages
+from compact.analysis.stages.drives import Stages
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
 
@@ -193,36 +191,30 @@ class BalanceCheck:
 
 
 def balance_checks(stages: Stages) -> list[BalanceCheck]:
-    """Check every contact, run and cam of a scene."""
-    checks = [*_contact_checks(stages.contacts), *_cycle_checks(stages.drive)]
-    if "cams" in stages.laws.scene.output.items:
-        checks += [
-            BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
-            for (law, follower), cam in stages.laws.cams.items()
-            if follower == "roller" and not cam.cycle.forward.retraces
-        ]
-    return checks
+    """Check every contact, run and cam of a scene.
 
-
-def _contact_checks(stage: ContactStage) -> Iterator[BalanceCheck]:
-    """Check energy of every contact; of a compacting layer also mass, yield condition and forces."""
-    work_limit = COMPACTED_WORK_LIMIT if stage.compacts else LINEAR_WORK_LIMIT
+    A contact has a balance of energy, that of a compacting layer also those of mass and forces and the yield condition.
+    A cycle compares its energy with the work of resistance and guide friction.
+    """
+    checks, contacts = [], stages.contacts
+    work_limit = COMPACTED_WORK_LIMIT if contacts.compacts else LINEAR_WORK_LIMIT
     limits = RESIDUALS | {"work_residual": ("work of the contact", work_limit)}
-    for contact in stage.records:
-        case = f"at {contact.speed:.4g} m/s"
+    for contact in contacts.records:
         for name, (term, limit) in limits.items():
-            residual = getattr(contact, name)
-            if residual is not None:
-                yield BalanceCheck(f"{term} {case}", residual, limit)
-
-
-def _cycle_checks(stage: DriveStage) -> Iterator[BalanceCheck]:
-    """Compare the energy of a cycle with the work of resistance and guide friction."""
-    for name, run in stage.runs.items():
+            if (residual := getattr(contact, name)) is not None:
+                checks.append(BalanceCheck(f"{term} at {contact.speed:.4g} m/s", residual, limit))
+    for law, run in stages.drive.runs.items():
         if run.impulses:
             continue
         residual = getattr(run, "energy_residual", None)
         if residual is None:
             force = run.state.resistance + run.state.forces.guide_friction
             residual = float(np.sum(run.weights * force * run.state.velocity)) / run.energy - 1
-        yield BalanceCheck(f"work over a cycle, {name}", residual, CYCLE_WORK_LIMIT)
+        checks.append(BalanceCheck(f"work over a cycle, {law}", residual, CYCLE_WORK_LIMIT))
+    if "cams" in contacts.scene.output.items:
+        checks += [
+            BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
+            for (law, follower), cam in stages.laws.cams.items()
+            if follower == "roller" and not cam.cycle.forward.retraces
+        ]
+    return checks

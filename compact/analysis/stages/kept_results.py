@@ -114,13 +114,19 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
         if key not in content:
             _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
             return None
-        files = tuple(_unchanged(directory, content[key]["files"]))
+        files = []
+        for name, expected in content[key]["files"].items():
+            file = directory / name
+            if file.is_file() and checksum(file.read_bytes()) == expected:
+                files.append(name)
+            elif file.is_file():
+                _LOG.warning("%s: changed since it was written; it is computed again", file)
         if MAP_FILE in files:
             more = content[key]["more"]
             found = KeptResults(
                 contacts=[Contact.from_json(each) for each in content[key]["contacts"]],
                 resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
-                files=files,
+                files=tuple(files),
                 **{
                     name: more[name] and TypeAdapter(kind()).validate_python(more[name])
                     for name, kind in RECORDS.items()
@@ -129,18 +135,6 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         _LOG.warning("%s: damaged, or of another version; its contacts are computed again", path)
     return found
-
-
-def _unchanged(directory: Path, checksums: dict[str, str]) -> Iterator[str]:
-    """Yield the names of the files that have their checksum."""
-    for name, expected in checksums.items():
-        path = directory / name
-        if not path.is_file():
-            continue
-        if checksum(path.read_bytes()) == expected:
-            yield name
-        else:
-            _LOG.warning("%s: changed since it was written; it is computed again", path)
 
 
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
