@@ -165,23 +165,6 @@ def test_extremes_are_those_of_dense_samples(follower, name):
     assert cam.least_radius_of_curvature <= least + 1e-12
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.3, 2.0])
-@pytest.mark.parametrize("name", ["reversal-4", "combined-4", "parabolic"])
-def test_pitch_curve_of_the_least_breadth_is_as_curved_as_the_roller(name, radius):
-    """Naive twin: the least radius of curvature of the pitch curve, on samples, is the roller's."""
-    motion = cycle(name, run_up=0.05, run_down=0.05) if name != "parabolic" else cycle(name, far_dwell=1.0)
-    least = least_breadth(motion, RollerFollower(radius))
-    if least.rule != ARC:
-        assert least.breadth == pytest.approx(STROKE + 2 * radius, rel=1e-12)
-        return
-    phi, unit = np.linspace(0, 2 * np.pi, 400_001)[1:], motion.period / (2 * np.pi)
-    rho, v, a = (unit**k * motion.derivative(phi * unit, k) for k in range(3))
-    rho = rho + (least.breadth - STROKE) / 2
-    bend = (rho**2 + 2 * v**2 - rho * a) / (rho**2 + v**2) ** 1.5
-    assert 1 / bend.max() == pytest.approx(radius, rel=1e-4)
-    assert bend.max() * radius <= 1 + 1e-9
-
-
 # joins
 
 

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, mix_of, rolled
+from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, rolled
 from engine_calls import ROLL
 
 from compact import mesh
 from compact.engines.column.column_pass import Column
-from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
+from compact.engines.column.engine import required_feed, roll_over, simulate_oedometer
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
 from compact.engines.formula import roll as roll_by_formula
 from compact.material.laws import Elastic, Viscoelastic
@@ -89,18 +89,6 @@ VALUES = [
 def test_value_is_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
-
-
-@pytest.mark.parametrize(
-    ("height", "radius", "fed", "load"),
-    [(0.5090909090909091, 0.05, 0.77, 5154.639175257732), (1.1247052271667615, 0.032597, 0.77212, 940.8319470976468)],
-)
-def test_load_beyond_a_buried_circle_is_refused(height, radius, fed, load):
-    """The slope of the circle is unbounded at its axis, where steps over x would shrink without limit."""
-    material = replace(mix_of(0.1, 0.98, fed), heckel_slope=1.4296351665768224e-05)
-    roller = Roller(radius, load=load, friction=0.35, rolling="free", profile="deformed")
-    with pytest.raises(ValueError, match=r"`load` must be less than .*, where the circle is buried to its axis, got"):
-        roll(Layer(height), roller, material, 0.133)
 
 
 @pytest.mark.parametrize("engine", [pytest.param("spectral", marks=pytest.mark.slow), "fem"])

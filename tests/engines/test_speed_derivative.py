@@ -138,16 +138,6 @@ def test_agreement_with_the_spectral_engine(case):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
-def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
-    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((ratio - 1, 0.05),))
-    exact = expand_resistance(BONDED, pressed(), mix, speed)
-    found = expand_by_elements(BONDED, pressed(), mix, speed, estimate=False)
-    assert found.slope == pytest.approx(exact.slope, rel=5e-3)
-    assert found.added_mass == pytest.approx(exact.added_mass, rel=5e-3)
-
-
-@pytest.mark.slow
 def test_error_estimate_of_elements_covers_the_true_error():
     exact, found = (
         expand_resistance(SLIP, pressed(), MIX, 0.3),

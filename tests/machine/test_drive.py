@@ -43,10 +43,6 @@ def unit_law(name):
     return law(name, stroke=1.0, duration=1.0, rod_length=2.0)
 
 
-def viscous(coefficient):
-    return lambda velocity, acceleration: coefficient * velocity
-
-
 # closed form
 
 
@@ -81,13 +77,6 @@ def test_work_of_the_drive_equals_the_losses(name, dwell):
     assert not np.any(run.drive_force[standing])
     assert run.weights.sum() == pytest.approx(6 + 2 * dwell, rel=1e-12)
     assert 0 <= run.energy <= run.drawn_energy * (1 + 1e-12)
-
-
-@pytest.mark.parametrize("name", sorted({*ENERGY_OF_LAW, *KINDS}))
-def test_viscous_loss_equals_the_integral_of_the_squared_speed(name):
-    run = simulate(UNIT, Rigid(), published_law(name), viscous(2e3))
-    closed = ENERGY_OF_LAW.get(name, published_law(name).criterion(1) * 3.0 / 0.4**2)
-    assert run.energy == pytest.approx(2 * 2e3 * closed * 0.4**2 / 3.0, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene, read_change
 from compact.scene.new_scene import starter_scene
 
-resource = pytest.importorskip("resource", reason="limits of Unix")
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SECONDS = 10  # of processor time for one case
 ENGINES = ("formula", "formula", "column", "column", "column", "spectral", "spectral", "fem")

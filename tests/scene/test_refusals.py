@@ -113,14 +113,6 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
     assert bool(contact["replaced"]) == (engine != "fem")
 
 
-def test_formulas_meet_a_prescribed_load():
-    load = 15000.0
-    study = Study(load_scene("small", **{"contact.load": load}))
-    assert study.stages.contacts.engineering.roller_force == pytest.approx(load, rel=1e-12)
-    assert study.stages.contacts.numbers["roller_force"].low is None
-    assert study.stages.contacts.numbers["pressure"].known_by.startswith("contact: as prescribed")
-
-
 # ---- Plausible ranges: a value in other units is advised against or refused, and the user may insist
 
 
