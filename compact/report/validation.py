@@ -55,9 +55,8 @@ def markdown_case(case: ValidationCase) -> str:
     for each in case.rows.values():
         scatter = "" if each.scatter is None else f"{each.scatter:.2g}"
         deviation = "" if math.isnan(each.deviation) else _percent(each.deviation, sign="+")
-        expected = f"{each.absolute:.2g} {each.unit}".removesuffix(" -")
-        if each.relative is not None:
-            expected = _percent(each.relative)
+        absolute = "" if each.absolute is None else f"{each.absolute:.2g} {each.unit}".removesuffix(" -")
+        expected = absolute if each.relative is None else _percent(each.relative)
         cells = (each.quantity, each.unit, f"{each.ours:.6g}", f"{each.theirs:.6g}", scatter, deviation, expected)
         basis = each.basis if each.basis != PREDICTED else ""
         moved = f"MOVED: ours {each.ours:.9g}, recorded {each.recorded:.9g}" if each.moved else ""
