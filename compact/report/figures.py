@@ -58,11 +58,9 @@ ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
 }
 OTHER_STYLE: tuple[str, str, Any] = (PALETTE[3], "v", (0, (4, 1.5)))  # of engines of other packages
 TICKS, DECADES = (1, 2, 3, 5), range(-6, 9)  # labels of a logarithmic axis
-TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves measuring every label
 ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
 CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
-POINTS_OF_A_LAW = 400  # [-]
 FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, so that none hides another
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points

@@ -29,8 +29,7 @@ from compact.analysis.contact_cases import Passes, contact_record
 from compact.analysis.failures import MAX_REASON, reason_of
 from compact.analysis.operating_window import limits_met, shared_lifts
 from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
-from compact.analysis.stages.ensemble import START, Change, Share, Step, ensemble
-from compact.analysis.store import Store, open_store
+from compact.analysis.stages.ensemble import START, Change, Share, Step, Store, ensemble, open_store
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES

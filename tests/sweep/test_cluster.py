@@ -13,7 +13,7 @@ import xarray
 from interrupts import of_unix
 from sweeps import COLUMNS
 
-from compact.analysis.store import LOCK, open_store
+from compact.analysis.stages.ensemble import LOCK, open_store
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
 from compact.sweep.design import read_design

@@ -31,7 +31,6 @@ from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
 
 FEED_TOLERANCE = 0.1  # [-], of the mix pressed over the mix carried away; feeders are adjusted no better
-WORK_TOLERANCE = 0.1  # [-], of the work of a pass below that of confined compression; elastic recovery returns a part
 
 
 @dataclass(frozen=True)
