@@ -117,7 +117,7 @@ BAD_CALLS = {
         'machine.gap_geometry: the engine "spectral" takes no "deformed"',
     ),
     "change without a value": (("run", SMALL, "--set", "mix.moisture"), 2, "--set takes KEY=VALUE"),
-    "tolerance not a number": (("run", SMALL, "--tolerance", "tight"), 2, "tight"),
+    "tolerance not a number": (("export", SMALL, "--format", "csv", "--tolerance", "tight"), 2, "tight"),
     "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "use a smaller cutter"),
     "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
 }

@@ -284,10 +284,7 @@ def solve(engine: Engine, scene: Scene, case: Any, start: Contact | None = None)
         result = engine.contact(case, start)
         indentation, layer = result.indentation or 0.0, getattr(case, "layer", None)  # none on a half-plane
         if layer is not None and indentation >= layer.height:
-            raise RuntimeError(
-                f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press "
-                "less"
-            )
+            raise RuntimeError(f"{indentation:.3g} m reach the base of a layer {layer.height:g} m high; press less")
     return result
 
 

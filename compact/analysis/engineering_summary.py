@@ -71,10 +71,8 @@ def peak_pressure(scene: Scene, mix: Mix) -> float:
             )
         )  # fmt: skip
     if "indentation" in given and not ENGINES[scene.accuracy.engine].reads("contact.indentation"):
-        raise ValueError(
-            f"contact.indentation: the engine formula has no indentation, as it diverges on a half-plane, got "
-            f"{given['indentation']!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"
-        )
+        words = "contact.indentation: the engine formula takes none, as it diverges on a half-plane"
+        raise ValueError(f"{words}, got {given['indentation']!r}; give contact.load or contact.peak_pressure")
     return given.get("peak_pressure", mix.required_pressure)
 
 

@@ -293,8 +293,7 @@ class StrainPath:
         while (reached := self.axial_stress) < pressure:
             if not self.of_mix and self.rows[-1][-1] > VOLUME_LIMIT:
                 raise RuntimeError(
-                    f"{self.law.name} bears {reached:.4g} Pa at a density ratio of {VOLUME_LIMIT}, required "
-                    f"{pressure:.4g} Pa; lower the pressure of the tests"
+                    f"{self.law.name} bears {reached:.4g} Pa at full density; test it at a lower pressure"
                 )
             if self._approach(direction, pressure, step):
                 return
@@ -347,10 +346,7 @@ class StrainPath:
             lateral -= excess / max(float(tangent[LATERAL, LATERAL]), STIFFNESS_SHARE * self.stiffness)
             if not low < lateral < high:
                 lateral = (low + high) / 2
-        raise RuntimeError(
-            f"the lateral stress of {self.law.name} differs by {excess:.3g} Pa from {self.confining:.3g} Pa after "
-            f"{MAX_ITERATIONS} iterations; check the tangent"
-        )
+        raise RuntimeError(f"{self.law.name}: the lateral stress is {excess:.3g} Pa off after {MAX_ITERATIONS} steps")
 
     def test(self, name: str) -> MaterialTest:
         """Return the test with this path."""

@@ -328,10 +328,8 @@ def coupled_contact(
     try:
         return roll_coupled(contact, air, speed, start=start)
     except RuntimeError as error:
-        raise RuntimeError(
-            f"the contact coupled with its pore air has no steady state at {speed:.4g} m/s: {error}; roll slower, "
-            'or choose mix.pore_air = "one-way"'
-        ) from error
+        words = 'roll slower, or set mix.pore_air = "one-way"'
+        raise RuntimeError(f"with pore air at {speed:.4g} m/s: {error}; {words}") from error
 
 
 def coupled_samples(

@@ -11,6 +11,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -106,22 +107,20 @@ class Study:
 
     def keep(self, directory: Path, files: list[Path]) -> Iterator[Path]:
         """Write contacts and resistance map for the next run, with the names of their files; yield the paths."""
-        contacts = self.stages.contacts
-        before = contacts.kept.files if contacts.kept else ()
-        names = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
-        if contacts.held is not None:
-            results = KeptResults(
-                contacts.records,
-                contacts.held,
-                contacts.second_pass,
-                self.stages.resistance.map,
-                contacts.air_curve,
-                self.__dict__.get("model_spread", contacts.kept.model_spread if contacts.kept else None),
-                None if contacts.process is None else contacts.process.lifts,
-                tuple(names),
-                self.__dict__.get("_prior", contacts.kept.prior if contacts.kept else None),
-            )
-            yield from write_results(directory, results, contacts.key)
+        contacts, resistance_map = self.stages.contacts, self.stages.resistance.map
+        if contacts.held is None:
+            return
+        found = contacts.kept or KeptResults(
+            contacts.records, contacts.held, contacts.second_pass, resistance_map, contacts.air_curve
+        )
+        names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
+        found = replace(
+            found, resistance_map=resistance_map, files=tuple(sorted(names)),
+            lifts=contacts.process.lifts if contacts.process else None,
+            model_spread=self.__dict__.get("model_spread", found.model_spread),
+            prior=self.__dict__.get("_prior", found.prior),
+        )  # fmt: skip
+        yield from write_results(directory, found, contacts.key)
 
     @cached_property
     def pore_air(self) -> AirAnswer | None:

@@ -365,10 +365,8 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     """
     require_instance(StateUpdate, "a StateUpdate", material=material)
     if scene.accuracy.engine != "column" or scene.layer.passes != 1:
-        raise ValueError(
-            f"an own material needs the engine column and one pass, got {scene.accuracy.engine} and "
-            f"{scene.layer.passes}; the other engines have no Python interface to the stress of a point"
-        )
+        engine, passes = scene.accuracy.engine, scene.layer.passes
+        raise ValueError(f"an own material needs the engine column and one pass, got {engine} and {passes}")
     if has_air(scene):
         raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
     scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
@@ -417,10 +415,7 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
         for key in ("stroke", "duration"):
             value, required = getattr(law, key), getattr(motion, key)
             if abs(value - required) > STROKE_TOLERANCE * required:
-                raise ValueError(
-                    f"the law '{name}' has the {key} {value:g}, the scene motion.{key} = {required:g}; scale the law, "
-                    "or change the scene"
-                )
+                raise ValueError(f"the law '{name}' has the {key} {value:g}, motion.{key} is {required:g}; scale it")
         found.append(law)
     return tuple(found)
 

@@ -146,19 +146,15 @@ def schema(name: Literal["scene", "summary"] = "scene", /) -> None:
 
 
 @app.command
-def run(
-    scene: ScenePath, /, *, tolerance: float | None = None, over: str | None = None, job: EngineJob = ENGINE_JOB
-) -> None:
+def run(scene: ScenePath, /, *, over: str | None = None, job: EngineJob = ENGINE_JOB) -> None:
     """Compute the whole scene: resistance, motion laws, drive forces, ranking, cams, tables, figures and report.
 
     Parameters
     ----------
-    tolerance
-        relative error tolerance that replaces the tolerance of the scene
     over
         duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
-    given = job.read(scene, **{"accuracy.tolerance": tolerance})
+    given = job.read(scene)
 
     from compact.analysis.sizing.durations import read_durations
     from compact.analysis.study import Study
@@ -317,7 +313,6 @@ def sweep(
     rank: bool = False,
     sobol: bool = False,
     direct: int | Literal["all"] | None = None,
-    tolerance: float | None = None,
     job: EngineJob = ENGINE_JOB,
 ) -> int:
     """Compute many scenes with keys varied on grids, lists or samples, and write one labelled netCDF file.
@@ -338,8 +333,6 @@ def sweep(
         design the sample for Sobol indices, the share of the spread that each parameter explains
     direct
         points that the engine compaction computes itself, a number or all; at the others it corrects columns
-    tolerance
-        relative error tolerance that replaces the tolerance of the scene
     """
     from compact.analysis.worker_pool import choose_executor
     from compact.report.sweep import sweep_digest, sweep_summary, write_sweep_report
@@ -348,7 +341,7 @@ def sweep(
     from compact.sweep.corrected import create_sweep
 
     workforce = choose_executor(workers, scheduler)
-    given = job.read(scene, **{"accuracy.tolerance": tolerance})
+    given = job.read(scene)
     varied = [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
     directory, failed = job.place(scene, given, "sweep"), 0
@@ -430,10 +423,7 @@ def export(
                 mesh = contacts.field_mesh(contacts.passes_at(speed or given.mean_speed)[0])
                 files.append(write_vtu(mesh, directory / "fields.vtu"))
             else:
-                raise ValueError(
-                    f'--format {name} needs fields, which the engine "{given.accuracy.engine}" does not have; '
-                    "use --engine fem or compaction"
-                )
+                raise ValueError(f"--format {name} needs fields; use --engine fem or compaction")
     lines = [note for note in notes if note] + [f"  {path}" for path in files]
     job.show(lambda: "\n".join(lines), directory, files=files, **numbers)
 

@@ -18,7 +18,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compact.analysis.sizing.decision import same_motions
+from compact.analysis.stages.drives import same_motions
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA

@@ -391,10 +391,7 @@ def _torque_turns_a_roller(torque, rolling, engine):
 def _air_needs_a_held_height(pore_air, held, load, pressure):
     held = None if held == "height" else held
     if pore_air not in (None, "drained") and (found := [each for each in (held, load, pressure) if each is not None]):
-        return (
-            f'"{pore_air}" is computed at the height of the roller, got {found[0]!r} in [contact]; prescribe the '
-            'density or an indentation, or choose "drained"'
-        )
+        return f'"{pore_air}" needs a density or an indentation, got {found[0]!r} in [contact]; or choose "drained"'
 
 
 def _rises(values):
@@ -494,10 +491,7 @@ def _permeability_is_heeded(pore_air, permeability):
 @rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
 def _later_passes_have_no_air(pore_air, passes, return_stroke):
     if pore_air not in (None, "drained") and (passes > 1 or return_stroke == "compacted"):
-        return (
-            f'"{pore_air}" belongs to the first pass over fed mix alone: later passes and the return stroke over '
-            'compacted mix have the forces of drained mix, which are too small; "drained" computes all passes alike'
-        )
+        return f'"{pore_air}" counts in the first pass alone; later passes have the too small forces of drained mix'
 
 
 @rule("machine.roller_radius", "product.height", into=ADVICE)

@@ -93,10 +93,7 @@ def read_plate(text: str) -> tuple[float, float, float]:
     try:
         width, length, height = (float(part) for part in text.lower().split("x"))
     except ValueError:
-        raise ValueError(
-            "--plate takes WIDTHxLENGTHxHEIGHT in m with decimal points (along travel, along rollers, up), such "
-            f"as 0.9x0.9x0.1, got {text!r}"
-        ) from None
+        raise ValueError(f"--plate takes WIDTHxLENGTHxHEIGHT in m, such as 0.9x0.9x0.1, got {text!r}") from None
     return width, length, height
 
 

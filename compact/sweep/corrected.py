@@ -89,10 +89,8 @@ def create_sweep(
     if corrected.steps >= corrected.size:
         return whole
     if rank:
-        raise ValueError(
-            f"--rank needs a resistance over speed, which the correction of {corrected.low_fidelity} by "
-            f"{corrected.engines[0]} does not have; give --direct all, or --engine {corrected.low_fidelity}"
-        )
+        words = "--rank needs a resistance over speed, which a correction does not have"
+        raise ValueError(f"{words}; give --direct all, or --engine {corrected.low_fidelity}")
     return corrected
 
 

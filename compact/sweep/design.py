@@ -94,10 +94,7 @@ def read_design(text: str) -> Axis | Sampled:
         return Axis(key, tuple(value(part.strip()) for part in values.split(",")))
     low, high, count = (read(part) for read, part in zip((value, value, whole), values.split(":"), strict=True))
     if not all(isinstance(end, int | float) for end in (low, high)) or count < 2 or not low < high:
-        raise ValueError(
-            f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}; "
-            "give one value as it is"
-        )
+        raise ValueError(f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}")
     _require_few(key, count)
     grid = np.linspace(low, high, count).round(12).tolist()  # 0.1, not 0.1 + 1e-17
     is_whole = isinstance(low, int) and isinstance(high, int) and all(each.is_integer() for each in grid)
@@ -106,10 +103,7 @@ def read_design(text: str) -> Axis | Sampled:
 
 def _require_few(key: str, count: int) -> None:
     if count > MAX_POINTS:
-        raise ValueError(
-            f"--vary {key}: a sweep has at most {MAX_POINTS} points, got {count}; take a coarser grid, or a sample of "
-            "the spread of the mix, KEY=~N"
-        )
+        raise ValueError(f"--vary {key}: a sweep has at most {MAX_POINTS} points, got {count}; sample by KEY=~N")
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import quad
 
-from compact.analysis.contact_cases import nearest_speed
 from compact.analysis.stages.drives import Stages
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
@@ -108,8 +107,7 @@ def work_balance(stages: Stages) -> WorkBalance:
     resistance = float(np.ravel(force(np.array([scene.mean_speed]), np.zeros(1)))[0])
     before, behind = scene.layer.fed_density_ratio, scene.mix.density_ratio
     if contacts.compacts:  # behind the first pass at the mean speed
-        record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
-        found = float(record.exit_density_ratio or behind)
+        found = float(contacts.mean_record.exit_density_ratio or behind)
         behind = min(max(found, before), MEASURED_DENSITY_RATIO)
     carried = strokes = None
     speed = product.mould_speed or (scene.process and scene.process.mould_speed)

@@ -15,9 +15,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from compact.analysis.machine_models import catalogue
+from compact.analysis.stages.drives import SAME_TRAVEL, same_motions
 from compact.analysis.stages.uncertainty import (
     AIR,
     DRIVE,
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
     from compact.analysis.study import Study
 
 CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
-SAMPLES = 65  # [-], times over a cycle at which motions are compared
-SAME_TRAVEL = 1e-9  # [-], of the stroke; closer motions are the same but for rounding
 CAM_FOLLOWER, CAM_ITEMS = "roller", {"cams", "report"}  # outputs that state whether the cam can be cut
 
 Changes = dict[str, tuple[float, float]]
@@ -140,19 +137,6 @@ class Decision:
     def alternative(self) -> str | None:
         """The next law; None with one law alone."""
         return self.choice.alternative
-
-
-def same_motions(cycles: Mapping[str, Cycle]) -> dict[str, str]:
-    """Return the first law of the same motion by law; that of a motion of its own is itself."""
-    known: dict[str, np.ndarray] = {}
-    found = {}
-    for law, cycle in cycles.items():
-        times = np.linspace(0.0, cycle.period, SAMPLES)
-        travel = np.asarray(cycle.position(times))
-        near = SAME_TRAVEL * max(np.ptp(travel), np.finfo(float).tiny)
-        found[law] = next((name for name, other in known.items() if np.abs(travel - other).max() <= near), law)
-        known.setdefault(found[law], travel)
-    return found
 
 
 def candidates(

@@ -114,10 +114,7 @@ def read_durations(text: str) -> tuple[float, ...]:
     """
     key, _, values = (part.strip() for part in text.partition("="))
     if key not in KEYS:
-        raise ValueError(
-            f"--over takes duration=LOW:HIGH:N, such as duration=0.3:3:8 in s, got {text!r}; `compact sweep --vary` "
-            "varies other keys"
-        )
+        raise ValueError(f"--over takes duration=LOW:HIGH:N, such as duration=0.3:3:8 in s, got {text!r}")
     try:
         low, high, count = (read(part) for read, part in zip((float, float, int), values.split(":"), strict=True))
     except ValueError:
@@ -142,10 +139,8 @@ def require_durations(scene: Scene, durations: Sequence[float]) -> None:
         If the drive determines the duration itself.
     """
     if durations and DRIVES[scene.drive.kind].sets_duration:
-        raise ValueError(
-            f'drive.kind = "{scene.drive.kind}" determines the duration of a pass itself; --over duration is for other '
-            "drives, such as --set drive.kind=rigid without [drive.motor], or vary the gear ratio by `compact sweep`"
-        )
+        words = f'drive.kind = "{scene.drive.kind}" determines the duration of a pass itself'
+        raise ValueError(f"{words}; give --over another drive, such as --set drive.kind=rigid, or vary its gear ratio")
     for duration in durations:
         scene.require_fields(**{"motion.duration": duration})
         scene.replaced(**{"motion.duration": duration})

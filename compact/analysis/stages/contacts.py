@@ -217,13 +217,25 @@ class ContactStage:
         return [contact_record(self.engine.name, *each, self.air_forces(each[0])) for each in self.passes]
 
     @cached_property
+    def mean_record(self) -> Contact:
+        """Scalar results at the speed of the scene that is nearest to the mean speed."""
+        if not self.records:
+            return self.typical[1]
+        return self.records[nearest_speed((each.speed for each in self.records), self.scene.mean_speed)]
+
+    def at_mean_speed(self, name: str) -> float:
+        """Interpolate a number of the contacts over the logarithm of the speed."""
+        if not self.records:
+            return float(getattr(self.typical[1], name))
+        speeds, values = np.array([[each.speed, getattr(each, name)] for each in self.records]).T
+        return float(np.interp(np.log(self.scene.mean_speed), np.log(speeds), values))
+
+    @cached_property
     def roller_load(self) -> float:
         """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
         if not self.speeds:
             return self.engineering.roller_force
-        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
-        mean = self.scene.mean_speed
-        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
+        return self.scene.machine.roller_length * self.at_mean_speed("load")
 
     def field_mesh(self, result: Contact) -> Any:
         """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
@@ -274,9 +286,7 @@ class ContactStage:
         """
         mean = self.scene.mean_speed
         layer, roller, material = contact_inputs(self.scene, self.mix, self.engine.name, mean, self.held)
-        depth = (
-            roller.indentation or self.records[nearest_speed([each.speed for each in self.records], mean)].indentation
-        )
+        depth = roller.indentation or self.mean_record.indentation
         rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
         return lambda speed: cast(Any, material).rate_factor(rate * abs(speed))
 

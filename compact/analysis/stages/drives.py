@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from compact import drive
-from compact.analysis.contact_cases import Progress, case_of, nearest_speed
+from compact.analysis.contact_cases import Progress, case_of
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
 from compact.analysis.stages.laws import LawStage
@@ -40,6 +39,9 @@ from compact.scene.loader import Scene
 STEP = 0.3  # [-], largest step of `carter_parameter`; creepage is linear in it on a half-plane, and nearly so on layers
 TRACTION_MARGIN = 1.15  # [-], sampled over required traction; T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
 LEAST_SHARE = 0.1  # [-], of friction, sampled at least; smaller samples are dominated by rounding errors
+
+SAMPLES = 65  # [-], times over a cycle at which motions are compared
+SAME_TRAVEL = 1e-9  # [-], of the stroke; closer motions are the same but for rounding
 
 Row = tuple[float, float, float, float]  # torque [N m], pull [N], creepage [-], load [N]
 Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
@@ -185,11 +187,12 @@ def simulate_laws(
     tuple
         Name of a law and its run.
     """
-    model, alike = DRIVES[scene.drive.kind], dict[Any, Any]()
+    model, made = DRIVES[scene.drive.kind], dict[str, Any]()
+    same = same_motions(cycles) if model.driven_end else {}
     working = scene.motion.run_up, 1 - scene.motion.run_down
     for name, cycle in cycles.items():
         begin()
-        if twin := alike.get(motion_of(cycle)):
+        if twin := made.get(same.get(name, "")):
             yield name, replace(twin, cycle=cycle)
             continue
         try:
@@ -197,15 +200,21 @@ def simulate_laws(
         except tolerated:
             continue
         if model.driven_end:
-            alike[motion_of(cycle)] = run
+            made[name] = run
         yield name, run
 
 
-def motion_of(cycle: Cycle) -> Any:
-    """Return what laws of one motion share, such as two reversal laws whose free parameter has the same value."""
-    forward, curve = cycle.forward, cycle.forward.curve
-    same = (curve.x.tobytes(), curve.c.tobytes()) if isinstance(curve, PPoly) else forward.name
-    return same, forward.stroke, forward.duration, forward.retraces, cycle.far_dwell, cycle.near_dwell
+def same_motions(cycles: Mapping[str, Cycle]) -> dict[str, str]:
+    """Return the first law of the same motion by law; that of a motion of its own is itself."""
+    known: dict[str, np.ndarray] = {}
+    found = {}
+    for law, cycle in cycles.items():
+        times = np.linspace(0.0, cycle.period, SAMPLES)
+        travel = np.asarray(cycle.position(times))
+        near = SAME_TRAVEL * max(np.ptp(travel), np.finfo(float).tiny)
+        found[law] = next((name for name, other in known.items() if np.abs(travel - other).max() <= near), law)
+        known.setdefault(found[law], travel)
+    return found
 
 
 def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> DrivenRoller | CreepFreeRoller:
@@ -237,7 +246,7 @@ def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> Drive
     low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pulls)
     sides = [_friction_shares(min(low, -LEAST_SHARE) if low < 0 else 0.0), _friction_shares(max(high, LEAST_SHARE))]
     if contacts.compacts:
-        records = [records[nearest_speed((record.speed for record in records), scene.mean_speed)]]
+        records = [contacts.mean_record]
     try:
         curves = [_curve(contacts, record, sides) for record in records]
     except RuntimeError as error:

@@ -17,6 +17,7 @@ import json
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from itertools import combinations_with_replacement, zip_longest
 from math import dist
 from pathlib import Path
@@ -117,10 +118,7 @@ def compute(task: Task) -> list[dict[str, Any]]:
     """
     here = versions()
     if differing := [f"{name} {here.get(name)} for {v}" for name, v in task.versions.items() if here.get(name) != v]:
-        raise RuntimeError(
-            f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
-            "same, install the same on both"
-        )
+        raise RuntimeError(f"a worker has other versions: {', '.join(differing)}; install the same on both")
     found: list[dict[str, Any]] = []
     contacts: list[tuple[tuple[float, ...], Contact]] = []
     with _ONE_AT_A_TIME, threadpool_limits(1):
@@ -208,10 +206,7 @@ def open_store(directory: Path, base: str = "", resume: bool = False, force: boo
     try:
         lock.acquire()
     except Timeout:
-        raise ResultsError(
-            f"{path}: another command writes to this directory; wait for it, give another --out, or delete the file "
-            "if its process has ended"
-        ) from None
+        raise ResultsError(f"{path}: another command writes to this directory; wait for it, or change --out") from None
     except OSError as error:
         raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
     try:
@@ -313,7 +308,7 @@ def peaks_of(scene: Scene, change: Change) -> Peaks:
 
 def drive_peaks(
     cart: Cart,
-    cycles: Mapping[str, Cycle],
+    cycles: Mapping[str, Mapping[str, Cycle]],
     resistance: ResistanceLaw,
     criteria: Iterable[str],
     scene: Scene,
@@ -323,6 +318,8 @@ def drive_peaks(
 
     Parameters
     ----------
+    cycles : mapping
+        Laws by label of a change; those of "" for other labels.
     resistance : callable
         Resistance of one cart [N], where the change has none.
 
@@ -331,7 +328,9 @@ def drive_peaks(
     mapping
         Values by criterion and law; absent for a law that the drive does not follow.
     """
-    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, UNFOLLOWED))
+    cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
+    laws = cycles.get(change.label, cycles[""])
+    runs = dict(simulate_laws(scene, cart, laws, change.resistance or resistance, UNFOLLOWED))
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 

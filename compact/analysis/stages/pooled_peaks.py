@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compact.analysis.stages.drives import motion_of
+from compact.analysis.stages.drives import same_motions
 from compact.analysis.stages.ensemble import Change, Peaks
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.robust_range import missing_for_pool
@@ -51,8 +51,9 @@ class PooledLaws:
         from compact.analysis.robust.drive_pool import pass_table  # compiled code, imported when required
 
         simulated = {name: each for name, each in self.cycles.items() if not (each.forward.retraces or jumps(each))}
-        tables = {motion_of(each): pass_table(each.forward) for each in simulated.values()}
-        return {name: tables[motion_of(each)] for name, each in simulated.items()}
+        same = same_motions(simulated)
+        tables = {name: pass_table(simulated[name].forward) for name in {*same.values()}}
+        return {name: tables[same[name]] for name in simulated}
 
     def peaks(self, cart: Cart, resistance: ResistanceLaw, springs: Springs) -> dict[str, Peaks]:
         """Return the peaks by drive, criterion and law [N] or [W]; infinite without a periodic cycle."""

@@ -99,12 +99,8 @@ class ResistanceStage:
         if not isinstance(turn, str):
             share = partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
             return share, share
-        records, mean = self.contacts.records, self.scene.mean_speed
-        with warnings.catch_warnings():  # the shares need edges and exponent of the contact alone
-            warnings.simplefilter("ignore")
-            near = (
-                records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
-            )
+        with warnings.catch_warnings(action="ignore"):  # the shares need edges and exponent of the contact alone
+            near = self.contacts.mean_record
         scene = self.scene
         loose = scene.lift_thickness * scene.mix.density_ratio / scene.layer.fed_density_ratio
         film = loose if scene.layer.lower_lift else None
@@ -112,7 +108,7 @@ class ResistanceStage:
         drag = self.contacts.sleeve_drag
         if found is None or not drag:
             return found
-        return partial(with_standing_drag, found[0], drag / float(self.map(mean))), found[1]
+        return partial(with_standing_drag, found[0], drag / float(self.map(scene.mean_speed))), found[1]
 
     @cached_property
     def mean_share(self) -> float:

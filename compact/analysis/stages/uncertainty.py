@@ -20,7 +20,7 @@ Saltelli A. et al. (2010): Variance based sensitivity analysis of model output. 
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -42,12 +42,11 @@ from compact.analysis.stages.ensemble import (
     polynomial_terms,
 )
 from compact.analysis.stages.pooled_peaks import PooledLaws
-from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
+from compact.analysis.stages.resistance import DEFAULT_TURN, along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
 from compact.analysis.stages.verdict import sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
-from compact.machine.cart import Cart
 from compact.machine.drives import DRIVES, EDGE, MASS, Variant, both_ways
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
@@ -274,7 +273,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
         followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
-    run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
+    run = partial(drive_peaks, stages.resistance.cart, followed, met, tuple(laws))
     solved = ensemble(scene, changes, run, study.executor)
     answers = (solved[number] for number in range(len(changes)))
 
@@ -306,19 +305,6 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
     return RankingUncertainty(tuple(each for each in known if each.ends), mix, peaks, laws)
-
-
-def _peaks(
-    cart: Cart,
-    cycles: Mapping[str, Mapping[str, Cycle]],
-    resistance: ResistanceLaw,
-    criteria: Iterable[str],
-    scene: Scene,
-    change: Change,
-) -> Peaks:
-    """Return the peaks of the laws that belong to the label of a change, under the drive of the changed scene."""
-    cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
-    return drive_peaks(cart, cycles.get(change.label, cycles[""]), resistance, criteria, scene, change)
 
 
 def air_ratios(stages: Stages, of: str = "resistance") -> tuple[float, float] | None:

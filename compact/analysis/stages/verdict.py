@@ -190,7 +190,7 @@ def model_answer(
         Load on a roller and resistance of a cart with nothing fitted [N].
     """
     contacts, resistance = stages.contacts, stages.resistance
-    scene, records, motion = contacts.scene, contacts.records, contacts.scene.motion
+    scene, motion = contacts.scene, contacts.scene.motion
     drives = {motion.duration: stages.drive, **stages.drive.other_durations}
     forces, ratio, kept = {}, None, None
     for duration, drive in drives.items():
@@ -198,14 +198,13 @@ def model_answer(
         forces[duration] = float(np.ravel(drive.resistance.resistance(speed, np.zeros(1)))[0])
     if contacts.process is None:
         with warnings.catch_warnings(action="ignore"):  # a thin layer is in the verdict
-            known = records or [contacts.typical[1]]
-            speeds, lengths = np.array([[abs(each.speed), each.contact_length] for each in known]).T
-        length = float(np.interp(np.log(scene.mean_speed), np.log(speeds), lengths)) if records else lengths[0]
+            length = contacts.at_mean_speed("contact_length")
         ratio = scene.lift_thickness / length if length > 0 else math.inf
     if contacts.held is not None:
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
         lifts = contacts.process.lifts if contacts.process else None
-        kept = KeptResults(records, contacts.held, second_pass, resistance.map, lifts=lifts and lifts.bare, prior=prior)
+        found = contacts.records, contacts.held, second_pass, resistance.map
+        kept = KeptResults(*found, lifts=lifts and lifts.bare, prior=prior)
     return ModelAnswer(
         engine=scene.accuracy.engine,
         invalid=ENGINES[scene.accuracy.engine].valid(ratio, process_detail(scene)),
