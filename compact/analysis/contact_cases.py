@@ -24,14 +24,7 @@ from compact.material.laws import Compaction, Elastic, Viscoelastic, drucker_pra
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import NotFiniteError, require_finite
 from compact.quantities import PASS
-from compact.rolling_contact import (
-    Contact,
-    HeapingError,
-    Layer,
-    LowerLift,
-    Ply,
-    Roller,
-)
+from compact.rolling_contact import Contact, HeapingError, Layer, LowerLift, Ply, Roller
 from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
 
@@ -239,15 +232,7 @@ def _layer_before_pass(
     return Layer(before.height, base=scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 
-def roll_scene(
-    scene: Scene,
-    mix: Mix,
-    speed: float,
-    engine: str | None = None,
-    initial_guess: Contact | None = None,
-    held: HeldQuantity | None = None,
-    progress: Progress | None = None,
-) -> Contact:
+def roll_scene(scene: Scene, mix: Mix, speed: float, engine: str | None = None) -> Contact:
     """Compute the contact of one roller of a scene in its first pass.
 
     Parameters
@@ -256,10 +241,6 @@ def roll_scene(
         Speed of the roller [m/s].
     engine : str, optional
         Name of the engine; that of the scene by default.
-    initial_guess : Contact, optional
-        Another contact of the engine, which uses it where it serves.
-    progress : callable, optional
-        Called with lines of text by slow engines.
 
     Raises
     ------
@@ -268,8 +249,7 @@ def roll_scene(
     RuntimeError
         If the engine does not converge, or the roller would reach the base.
     """
-    used = ENGINES[engine or scene.accuracy.engine]
-    return solve(used, scene, case_of(scene, mix, speed, used.name, held, progress), initial_guess)
+    return solve(ENGINES[engine or scene.accuracy.engine], scene, case_of(scene, mix, speed, engine))
 
 
 def solve(engine: Engine, scene: Scene, case: Any, start: Contact | None = None) -> Contact:
@@ -314,9 +294,9 @@ def roll_passes(
         Numerical options of the engine for all passes that are computed.
     """
     count = count or scene.layer.passes
-    if count == 1:
-        return (roll_scene(scene, mix, speed, None, initial_guess[0] if initial_guess else None, held, progress),)
     engine, case = ENGINES[scene.accuracy.engine], case_of(scene, mix, speed, None, held, progress)
+    if count == 1:
+        return (solve(engine, scene, case, initial_guess[0] if initial_guess else None),)
     if initial_guess and engine.equal(case, initial_guess[0]):
         known: Sequence[Any] = initial_guess
         return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in known)

@@ -82,10 +82,10 @@ class Contacts(Tabular, Sequence[Contact]):
         for speed in map(float, np.atleast_1d(given)):
             if material is None:
                 passes.append(stage.passes_at(speed, passes[-1] if passes else None))
+                records.append(stage.record(speed, passes[-1]))
             else:
                 passes.append((roll_material(scene, material, speed),))
-            air = stage.air_forces_of(passes[-1][0], speed) if material is None else None
-            records.append(contact_record(scene.accuracy.engine, speed, passes[-1], air))
+                records.append(contact_record(stage.engine.name, speed, passes[-1]))
         return cls(tuple(records), tuple(passes), stage, scene.title)
 
     def __getitem__(self, index: Any) -> Any:

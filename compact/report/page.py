@@ -15,7 +15,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from compact.analysis.stages.drives import same_motions
@@ -89,10 +88,7 @@ class Section:
 
 @cache
 def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("compact.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
+    environment = text.templates().overlay(autoescape=True)
     environment.filters |= {
         "inline": _inline,
         "units": lambda html: Markup(UNIT_SPACE.sub("\u00a0", str(html))),  # a number and its unit stay on one line

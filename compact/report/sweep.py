@@ -262,6 +262,7 @@ def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
         ax.fill_between(plane[x], low, high, color=PALETTE[0], alpha=0.15, linewidth=0)
         ax.set_ylabel(quantity.axis_label)
         ax.margins(x=0)
+        ax.locator_params(axis="x", nbins=5)
         if np.nanmin(low) > 0 and np.nanmax(high) > LOGARITHMIC_RATIO * np.nanmin(low):
             ax.set_yscale("log")
 

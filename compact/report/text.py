@@ -54,7 +54,8 @@ SPACE = re.compile(r"\s+(?=[;,:)])|(?<=\()\s+|(?<=\s)\s+")  # before marks, and 
 
 
 @cache
-def _macros() -> Any:
+def templates() -> Environment:
+    """Return the templates of sentences and page, with their filters."""
     environment = Environment(
         loader=PackageLoader("compact.report"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -72,7 +73,12 @@ def _macros() -> Any:
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
     environment.globals |= {"CRITERIA": CRITERIA, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
-    return environment.get_template("sentences.j2").module
+    return environment
+
+
+@cache
+def _macros() -> Any:
+    return templates().get_template("sentences.j2").module
 
 
 def sentences(name: str, *facts: Any) -> list[str]:

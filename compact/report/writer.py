@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact import quantities
-from compact.analysis.contact_cases import HeldQuantity, contact_record
+from compact.analysis.contact_cases import HeldQuantity
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
@@ -138,7 +138,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     values = first.x, first.pressure, first.shear_traction
     table = TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values)
     table.write(directory / "pressure.csv")
-    content = contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)).to_json()
+    content = stage.record(speed, tuple(passes)).to_json()
     write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
     if stage.compacts:

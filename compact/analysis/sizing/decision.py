@@ -17,16 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from compact.analysis.machine_models import catalogue
 from compact.analysis.stages.drives import SAME_TRAVEL, same_motions
-from compact.analysis.stages.uncertainty import (
-    AIR,
-    DRIVE,
-    LAW,
-    MESH,
-    MIX,
-    MODELS,
-    RankingUncertainty,
-    air_ratios,
-)
+from compact.analysis.stages.uncertainty import AIR, DRIVE, LAW, MESH, MIX, MODELS, RankingUncertainty, air_ratios
 from compact.analysis.stages.verdict import ModelAnswer, sizing_model
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA

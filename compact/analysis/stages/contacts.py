@@ -197,6 +197,10 @@ class ContactStage:
         held = self.held  # which may compute the reference
         return self.roll(speed, initial_guess or self.__dict__.get("reference"), held)
 
+    def record(self, speed: float, passes: Passes) -> Contact:
+        """Return the numbers of passes at a speed [m/s], with the pore air at the deformation of the first."""
+        return contact_record(self.engine.name, speed, passes, self.air_forces_of(passes[0], speed))
+
     @property
     def first_passes(self) -> list[tuple[float, Contact]]:
         """Speed [m/s] and result of the first pass at each speed."""

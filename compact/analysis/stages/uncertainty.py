@@ -33,14 +33,7 @@ from scipy.stats import qmc, sobol_indices, uniform
 from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages
-from compact.analysis.stages.ensemble import (
-    Change,
-    Peaks,
-    drive_peaks,
-    ensemble,
-    first_law,
-    polynomial_terms,
-)
+from compact.analysis.stages.ensemble import Change, Peaks, drive_peaks, ensemble, first_law, polynomial_terms
 from compact.analysis.stages.pooled_peaks import PooledLaws
 from compact.analysis.stages.resistance import DEFAULT_TURN, along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
