@@ -71,8 +71,8 @@ def test_folders_and_modules_have_a_readable_size():
 
 
 BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
-    "engines": 6945, "analysis": 5126, "report": 2314, "machine": 2707, "scene": 1670, "motion": 1093, "material": 1111,
-    "sweep": 620, "cams": 514, "validation": 489, "api": 454, "numerics": 542, "cli": 529, "verification": 254,
+    "engines": 6945, "analysis": 5124, "report": 2308, "machine": 2707, "scene": 1665, "motion": 1093, "material": 1111,
+    "sweep": 620, "cams": 514, "validation": 489, "api": 449, "numerics": 542, "cli": 529, "verification": 254,
     "interfaces": 242, "modules": 1349,
 }  # fmt: skip
 

@@ -299,6 +299,6 @@ def test_log_has_stages_and_files(compact, tmp_path):
     code, output, log = compact("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--verbose")
     assert code == 0
     assert "resistance/load" in output
-    assert re.search(r"^ +\d+\.\d\d s  stages: contact by formula$", log, re.MULTILINE)
-    assert re.search(r"s  files: .*contact\.json written$", log, re.MULTILINE)
+    assert re.search(r"^ +\d+ ms  compact\.stages: contact by formula$", log, re.MULTILINE)
+    assert re.search(r"ms  compact\.files: .*contact\.json written$", log, re.MULTILINE)
     assert not logging.getLogger("compact").handlers

@@ -14,12 +14,10 @@ from typing import Any
 
 import compact
 
-# Beginnings of the messages of numpy and Python, and what each means
+# Parts of the messages of numpy and Python, and what each means
 MEANINGS = {
     "invalid value": "an operation has no result (such as 0/0 or the square root of a negative number)",
-    "divide by zero": "a number is divided by zero",
-    "division by zero": "a number is divided by zero",
-    "float division by zero": "a number is divided by zero",
+    "by zero": "a number is divided by zero",
     "overflow": "a number exceeds the range of floating-point numbers",
     "(34": "a number exceeds the range of floating-point numbers",  # OverflowError of math: errno ERANGE
     "underflow": "a number falls below the range of floating-point numbers",
@@ -81,7 +79,7 @@ def sentence_of(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return f"not enough memory{place}; lower the number of values, speeds or passes, or loosen the tolerance"
     if is_numeric(error):
-        meaning = next((words for start, words in MEANINGS.items() if said.startswith(start)), OTHERWISE)
+        meaning = next((words for start, words in MEANINGS.items() if start in said), OTHERWISE)
         return f"the computation failed{place}: {meaning}; {REMEDY}"
     return said if is_refusal(error) else f"internal error, please report it: {type(error).__name__}: {said}"
 

@@ -282,13 +282,6 @@ class Scene(loader.Scene):
     def __str__(self) -> str:
         return repr(self)
 
-    def _repr_html_(self) -> str:
-        from compact.report.tables import WORD, TableSpec
-
-        tables = self.model_dump(exclude_none=True, exclude_unset=True)
-        given = [(name, *item) for name, table in tables.items() if isinstance(table, dict) for item in table.items()]
-        return TableSpec(repr(self)[1:-1], dict.fromkeys(("table", "key", "value"), WORD), given).to_html()
-
 
 load_scene, parse_scene = Scene.load, Scene.parse
 

@@ -34,6 +34,7 @@ PLAIN_WIDTH = 100  # characters of the line in a notebook
 STAGES = "compact.stages"  # logger of the stages, INFO, and of the lines of text on them, DEBUG
 PACKAGE = "compact"  # parent of all loggers
 BEFORE = "start"  # stage before the first one: imports and the scene
+LINE = "%(relativeCreated)10d ms  %(name)s: %(message)s"  # of the log
 ROW = "{:<{}}{:>15}{:>15}{:>15}{:>15}"  # of the profile
 
 _LOG, _COMPILER = logging.getLogger(STAGES), logging.getLogger(f"{PACKAGE}.numerics.jit")
@@ -188,15 +189,6 @@ def _children_time() -> float:
     return times.children_user + times.children_system
 
 
-class _Line(logging.Formatter):
-    """Line of the log: seconds since the start, the module, the message."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Format a record."""
-        module = record.name.removeprefix(f"{PACKAGE}.")
-        return f"{record.relativeCreated / 1000:8.2f} s  {module}: {record.getMessage()}"
-
-
 @contextmanager
 def logged(verbose: int, profile: bool) -> Iterator[None]:
     """Log to standard error inside the block, and print the profile at its end.
@@ -210,7 +202,7 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
     """
     package, measured = logging.getLogger(PACKAGE), StageProfile()
     stream, level = logging.StreamHandler(sys.stderr), package.level
-    stream.setFormatter(_Line())
+    stream.setFormatter(logging.Formatter(LINE))
     handlers = [(package, stream)] * bool(verbose) + [(logging.getLogger(STAGES), measured)] * profile
     for logger, handler in handlers:
         logger.addHandler(handler)

@@ -36,12 +36,14 @@ CAM = (
     "largest_contact_offset_m=2.largest_contact_offset breadth_error_m=2.breadth_error"
 )
 STEPPER = "time_s angle_rad angular_velocity_rad/s angular_acceleration_rad/s2 angular_jerk_rad/s3"
+SHAFT = (
+    "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque rms_torque_Nm=requirement.rms_torque "
+    "peak_torque_Nm=requirement.peak_torque driving_share=requirement.driving_share "
+    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia required_power_W"
+)
 SIZING = (
-    "law shaft_speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
-    "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
-    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
-    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
-    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name engine"
+    f"law {SHAFT} peak_braking_torque_Nm=requirement.peak_braking excess_energy_J=requirement.excess_energy "
+    "motor=choice.chosen.motor.name engine"
 )
 WORK_BALANCE = (
     "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
     from compact.analysis.robust.law import RobustLaw, WorstDrive
 
 SCHEMA = 4  # of summary.json; raised when a key in it changes its meaning
-SHAFT = (
-    "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque rms_torque_Nm=requirement.rms_torque "
-    "peak_torque_Nm=requirement.peak_torque driving_share=requirement.driving_share "
-    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia required_power_W"
-)
 MOTOR = (
     "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
     "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
@@ -394,7 +389,7 @@ def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
         "law": sizing.first_law,
         "margin": sizing.rule.margin,
         "efficiency": sizing.rule.efficiency,
-        "shaft": json_numbers(first, SHAFT) if first is not None and first.requirement is not None else None,
+        "shaft": json_numbers(first, results.SHAFT) if first is not None and first.requirement is not None else None,
         "motor": motor,
         "wheels": {
             wheel.name: json_numbers(wheel, "least_N largest_N") | ({"engine": wheel.engine} if sizing.compared else {})

@@ -18,14 +18,9 @@ from compact.scene.loader import parse_scene
 from compact.scene.schema import unit_of
 
 GRAVITY = 9.81  # [m/s2]
-LIFT_SHARE = (
-    1 / 3
-)  # [-], of the radius: finite elements are steady there at moistures of 0.08 to 0.12, and heap up at 2/3
+LIFT_SHARE = 1 / 3  # [-], of the radius: finite elements are steady there at moistures of 0.08 to 0.12, not at 2/3
 LIFT_STEP = 0.005  # [m], to which a lift is rounded down, from this thickness up
-LOOSE, FED_SHARE = (
-    0.72,
-    0.846,
-)  # [-], density ratio of loose mix; share of the way to the product's before the pass, a guess
+LOOSE, FED_SHARE = 0.72, 0.846  # [-], density ratio of loose mix; share of the way to the product's as fed, a guess
 PIN_REACH, ROD_REACH = 0.7, 2.0  # [-], of the stroke: drive pin before the guide, rod; those of the published machine
 SCHEMA_LINE = "#:schema ./scene.schema.json\n"
 COLUMN = 34  # [characters], at which a comment begins
