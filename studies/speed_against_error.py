@@ -134,9 +134,8 @@ def drives(settings, repeats, stiffness=1e6, ratio=0.05):
 
     def solved(method, tolerance):
         if method == "compact":
-            run = simulate_elastic(
-                CART, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance
-            )
+            spring = replace(drive, tolerance=tolerance)
+            run = simulate_elastic(CART, spring, cycle, lambda v, a: np.zeros_like(v), regime="rest")
             return run.trajectory.at(time).position, run.cost.evaluations
         solution = solve_ivp(
             rates, (0, 2 * DURATION), [0.0, 0.0], method, time, rtol=tolerance, atol=tolerance * STROKE

@@ -47,14 +47,17 @@ class ElasticDrive:
     ----------
     stiffness, damping, backlash : float
         k [N/m], > 0; c [N s/m] and b [m], >= 0.
+    tolerance : float
+        Of the forces, relative to the largest force of inertia and resistance [-].
     """
 
     stiffness: float
     damping: float
     backlash: float = 0.0
+    tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
-        require_fields(self, positive="stiffness", nonnegative="damping backlash")
+        require_fields(self, positive="stiffness tolerance", nonnegative="damping backlash")
 
     def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
@@ -69,7 +72,6 @@ def simulate_elastic(
     *,
     regime: str = "periodic",
     working: tuple[float, float] = rigid_drive.WORKING_PART,
-    tolerance: float = 1e-8,
 ) -> "ElasticRun":
     """Simulate one cycle of a cart behind a spring.
 
@@ -88,8 +90,6 @@ def simulate_elastic(
         "periodic", or "rest": the first cycle of a cart at rest at the near end, with its springs in balance.
     working : tuple of float
         Start and end of the working part of the forward stroke [-], for `nonuniformity`.
-    tolerance : float
-        Of the forces, relative to the largest force of inertia and resistance [-].
 
     Raises
     ------
@@ -104,12 +104,12 @@ def simulate_elastic(
     A radian of the oscillation must last a billionth of a piece of the law of duration T, k <= 1e18 m/T^2, and the
     oscillation must decay within `MAX_STEPS` steps.
     """
-    require_positive(mass=cart.mass, tolerance=tolerance)
+    require_positive(mass=cart.mass)
     require_known("regime", regime, REGIMES)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     _require_resolvable(cart, drive, cycle)
-    problem = CartMotion(cart, drive, cycle, resistance, tolerance)
+    problem = CartMotion(cart, drive, cycle, resistance, drive.tolerance)
     periodic = regime == "periodic"
     trajectory = problem.solve_periodic() if periodic else problem.integrate(problem.law, problem.rest_state)
     return ElasticRun(cart, cycle, resistance, working, drive, trajectory, problem.cost)

@@ -104,8 +104,12 @@ def test_energy_balance_of_any_spring(regime, stiffness, backlash, name, springs
 @pytest.mark.parametrize("cart", CARTS)
 @pytest.mark.parametrize("drive", ["elastic", "backlash", "motor"])
 def test_periodic_regime_ends_where_it_starts_and_does_not_hang_on_the_tolerance(drive, cart):
-    make = {"motor": simulate_motor}.get(drive, simulate_elastic)
-    runs = [make(CARTS[cart], DRIVES[drive], law_of(drive, "cubic"), stribeck, tolerance=t) for t in (1e-8, 1e-10)]
+    motion, tolerances = law_of(drive, "cubic"), (1e-8, 1e-10)
+    if drive == "motor":
+        runs = [simulate_motor(CARTS[cart], DRIVES[drive], motion, stribeck, tolerance=each) for each in tolerances]
+    else:
+        drives = [replace(DRIVES[drive], tolerance=each) for each in tolerances]
+        runs = [simulate_elastic(CARTS[cart], each, motion, stribeck) for each in drives]
     for run in runs:
         ends = (
             (run.speed[[0, -1]],)

@@ -201,10 +201,10 @@ def test_dry_friction_is_the_limit_of_small_powers():
 def test_error_falls_with_the_order_of_the_collocation():
     drive, motion = spring(1e5, 0.3), published_law("harmonic")
     cubic = lambda velocity, acceleration: 3000 * velocity + 8e5 * velocity**3  # noqa: E731
-    exact = simulate_elastic(CART, drive, motion, cubic, regime="rest", tolerance=1e-12).trajectory
+    exact = simulate_elastic(CART, replace(drive, tolerance=1e-12), motion, cubic, regime="rest").trajectory
     counts, errors = [], []
     for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
-        run = simulate_elastic(CART, drive, motion, cubic, regime="rest", tolerance=tolerance)
+        run = simulate_elastic(CART, replace(drive, tolerance=tolerance), motion, cubic, regime="rest")
         counts.append(run.cost.intervals)
         times = np.linspace(0.1, 5.9, 30)
         force, true = (trajectory.at(times).drive_force for trajectory in (run.trajectory, exact))
@@ -265,11 +265,10 @@ def test_resistance_that_rebuilds_over_the_travel_is_a_spring_at_first(stiffness
     total = stiffness + 3486.0 / 0.05
     run = simulate_elastic(
         CART,
-        ElasticDrive(stiffness, 0.0),
+        ElasticDrive(stiffness, 0.0, tolerance=1e-11),
         published_law("constant-velocity"),
         ramp(3486.0, 0.05),
         regime="rest",
-        tolerance=1e-11,
     )
     t, w = np.linspace(0, 0.3, 200), math.sqrt(total / MASS)
     position, velocity, *_ = (motion := run.trajectory.at(t))

@@ -170,6 +170,7 @@ def simulate_laws(
     resistance: ResistanceLaw,
     tolerated: type[Exception] | tuple[type[Exception], ...] = (),
     begin: Callable[[], object] = lambda: None,
+    make: Callable[[Scene, Cycle], Any] | None = None,
 ) -> Iterator[tuple[str, Any]]:
     """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
 
@@ -181,6 +182,8 @@ def simulate_laws(
         Error for which a law has no run.
     begin : callable
         Called before each law.
+    make : callable, optional
+        Builds the drive of a law; that of the scene by default.
 
     Yields
     ------
@@ -188,6 +191,7 @@ def simulate_laws(
         Name of a law and its run.
     """
     model, made = DRIVES[scene.drive.kind], dict[str, Any]()
+    make = make or model.make
     same = same_motions(cycles) if model.driven_end else {}
     working = scene.motion.run_up, 1 - scene.motion.run_down
     for name, cycle in cycles.items():
@@ -196,7 +200,7 @@ def simulate_laws(
             yield name, replace(twin, cycle=cycle)
             continue
         try:
-            run = drive.simulate(cart, model.make(scene, cycle), cycle, resistance, working=working)
+            run = drive.simulate(cart, make(scene, cycle), cycle, resistance, working=working)
         except tolerated:
             continue
         if model.driven_end:

@@ -35,6 +35,7 @@ from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.worker_pool import Executor, SerialExecutor, WorkerError, run_tasks
 from compact.files import ResultsError, checksum, read_checked, versions, write_checked
 from compact.machine.cart import Cart
+from compact.machine.drives import DRIVES
 from compact.machine.ranking import first_of, value_of
 from compact.motion.profile import Cycle
 from compact.rolling_contact import Contact
@@ -330,7 +331,8 @@ def drive_peaks(
     """
     cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
     laws = cycles.get(change.label, cycles[""])
-    runs = dict(simulate_laws(scene, cart, laws, change.resistance or resistance, UNFOLLOWED))
+    make = DRIVES[scene.drive.kind].make_for_peaks
+    runs = dict(simulate_laws(scene, cart, laws, change.resistance or resistance, UNFOLLOWED, make=make))
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 
