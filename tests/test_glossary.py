@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ PHRASES = (
 OPENINGS = ("What", "Who", "Where", "How", "Whether")
 
 
+@cache
 def words(name: str) -> set[str]:
     """Lower-case words of an identifier."""
     return {word.lower() for part in name.split("_") for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", part)}

@@ -460,6 +460,7 @@ def test_pore_air_adds_to_the_finite_elements_over_speed():
     assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.26, abs=0.05)
 
 
+@pytest.mark.slow
 def test_robust_law_gains_most_where_force_and_distance_are_known(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
     module = study("robust_law")

@@ -45,6 +45,7 @@ def thin():
 # (a) the limit of columns
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("ratio", "load", "resistance", "increments"), COLUMN_LIMIT)
 def test_thin_bonded_layer_tends_to_columns(ratio, load, resistance, increments):
     columns = column.roll(Layer(HEIGHT), wide_roller(ratio), THIN, 0.2, strain="small")
@@ -249,6 +250,7 @@ def test_rate_effect_is_that_of_the_yield_pressure(thin):
     assert loads[0] / loads[1] == pytest.approx(factor**0.95, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_rate_effect_from_a_neighbour(rolled, layer, roller, mix):
     rated = replace(mix, rate_sensitivity=0.02)
     factor = rated.rate_factor(compaction_rate(2.0, roller.radius, layer.height, roller.indentation))
@@ -256,6 +258,7 @@ def test_rate_effect_from_a_neighbour(rolled, layer, roller, mix):
     assert faster.load / rolled.load == pytest.approx(factor**0.95, rel=1e-2)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("target", ["load", "peak_pressure", "exit_density_ratio"])
 def test_rate_factor_is_that_of_the_depth_of_a_target(target):
     """The factor changes with the depth during the search, and belongs to the depth that is found."""

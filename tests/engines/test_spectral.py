@@ -74,6 +74,7 @@ def test_high_layer_is_hertz(target):
     assert rolled.pressure == pytest.approx(closed.pressure(rolled.x), rel=1e-6, abs=1e-6 * closed.peak_pressure)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("rolling", ["sliding", "driven"])
 @pytest.mark.parametrize("friction", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
@@ -101,6 +102,7 @@ def hunter(length, ratio, half_width=1.0, radius=100.0, modulus=1.0):
     return float(load), float(moment / radius), float(-lowest)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("ratio", [2, 10])
 @pytest.mark.parametrize("deborah", [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4])
 def test_high_viscoelastic_layer_is_hunter(deborah, ratio):
@@ -128,6 +130,7 @@ def test_error_falls_geometrically_with_the_modes():
 # limits
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("base", ["bonded", "slip"])
 @pytest.mark.parametrize("poisson", [0.0, 0.49, 0.4999])
 @pytest.mark.parametrize("indentation", [1e-6, 1e-3, 0.3])

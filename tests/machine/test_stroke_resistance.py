@@ -112,6 +112,7 @@ def test_share_of_one_is_the_step_for_every_drive(drive):
     assert one.energy == pytest.approx(step.energy, rel=1e-7)
 
 
+@pytest.mark.sampled(6)
 @every_drive
 @pytest.mark.parametrize("name", ["wave", "both sides differ", "table", "bow wave longer than the stroke"])
 def test_every_drive_does_the_work_against_mix_and_guides(drive, name):
@@ -251,6 +252,7 @@ def test_periodic_regime_balances_its_work_and_closes(case):
     assert first == pytest.approx(last, abs=1e-3 * SIZE)
 
 
+@pytest.mark.sampled(4)
 @every_drive
 @pytest.mark.parametrize("name", ["both sides differ", "imprint"])
 def test_mirror_of_the_stroke_exchanges_the_sides(drive, name):
@@ -274,6 +276,7 @@ def test_undamped_drive_at_a_resonance_is_held_by_the_mix(harmonic):
     assert run.peak_force < 5 * SIZE
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rounding", [0.0, 1e-12, -3e-12, 1e-9])
 def test_drive_without_a_periodic_regime_is_told(rounding):
     """Its cycles do not settle, whatever the rounding."""

@@ -8,7 +8,7 @@ from copy import deepcopy
 from functools import cache
 
 import pytest
-from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SLOW, SMALL, different, is_estimate, written
+from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SMALL, different, is_estimate, written
 
 from compact.engines.compaction.rolling import ROLLING_TOLERANCE
 from compact.scene.loader import load_scene
@@ -22,7 +22,7 @@ PUBLISHED = {"loveikin-formula": "formula", "loveikin-column": "column"}  # name
 ENGINES = "loveikin-engines"
 ITEMS = {"output.items": ["tables", "reactions", "crank"]}  # without figures, which take most of the time
 CASES = [
-    *(pytest.param(name, marks=SLOW.get(name, ())) for name in SCENES),
+    *(pytest.param(name, marks=[pytest.mark.slow] * (name != "column")) for name in SCENES),
     *(pytest.param(name, marks=pytest.mark.slow) for name in PUBLISHED),
 ]
 
@@ -79,7 +79,7 @@ def different_beside(found, expected, path):
         yield from different(found, expected, path)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 @pytest.mark.parametrize("key", INPUTS)
 @pytest.mark.parametrize("name", CASES)

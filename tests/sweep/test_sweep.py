@@ -141,6 +141,7 @@ def task(scene, points, versions):
 # (c) resumption
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.usefixtures("small_tasks")
 @pytest.mark.parametrize(
     "damage", [lambda content: content[:-40], lambda content: b"", lambda content: content.replace(b"0.9", b"0.8", 1)]
