@@ -33,7 +33,7 @@ FORCE = "peak_force"
 COLUMNS = {  # the main scene led by columns, which cost milliseconds
     "accuracy.engine": "column", "layer.lift_thickness": None, "mix.overrides.heckel_slope": 15.228e-6,
     "layer.fed_density_ratio": 0.9343, "accuracy.tolerance": 0.05, "mix.overrides.friction_angle": 35.0,
-    "motion.laws": ["parabolic", "cubic", "reversal-2", "combined-2"], "output.items": ["report"],
+    "motion.laws": ["cubic", "reversal-2", "combined-2"], "output.items": ["report"],
     "compare": {"spectral": {"machine": {"roller_condition": "frictionless", "gap_geometry": "circle"}}},
 }  # fmt: skip
 
