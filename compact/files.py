@@ -140,8 +140,7 @@ def default_directory(scene_path: str | Path, suffix: str = "", changes: str = "
         file `scene.toml`, so that `a/scene.toml` and `b/scene.toml` have separate results; CHANGES are the changed
         values of the scene.
     """
-    path = Path(scene_path)
-    name = path.stem
+    path, name = Path(scene_path), Path(scene_path).stem
     if name == GENERIC_STEM:
         name = path.resolve().parent.name or name  # the root of the file system has no name
     return Path("out") / "-".join(filter(None, (name, changes, suffix)))
@@ -181,9 +180,7 @@ def read_table(path: Path | Traversable, columns: Sequence[str] = ()) -> list[tu
         raise ValueError(f"{path}:{header[0]}: each column must have a name of its own, got {', '.join(header[1])}")
     for line, cells in rows:
         if len(cells) != len(header[1]):
-            raise ValueError(
-                f"{path}:{line}: a row must have one cell for each of {len(header[1])} columns, got {len(cells)}"
-            )
+            raise ValueError(f"{path}:{line}: must have a cell for each of {len(header[1])} columns, got {len(cells)}")
     return [(line, dict(zip(header[1], cells, strict=True))) for line, cells in rows]
 
 
@@ -348,13 +345,16 @@ def read_vtu_series(collection: str | Path) -> tuple[str, tuple[tuple[float, "me
 
 
 @contextmanager
-def claimed_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Iterator[Path]:
-    """Create a result directory where necessary, and mark it with the hash of its scene.
+def claimed_directory(directory: str | Path, owner: str, force: bool = False) -> Iterator[Path]:
+    """Create a result directory where necessary, and mark it with the owner of its results.
 
     The mark is deleted if the block fails before it writes a result.
 
     Parameters
     ----------
+    owner : str
+        Hash of a scene, and on a second line that of its file: results of the file before its edit are replaced, file
+        by file, with a warning.
     force : bool
         True to overwrite results of another scene, file by file.
 
@@ -365,19 +365,23 @@ def claimed_directory(directory: str | Path, scene_hash: str, force: bool = Fals
         inside the block.
     """
     directory = Path(directory)
-    mark, owner, foreign = directory / OWNER_FILE, None, False
+    mark, found, foreign = directory / OWNER_FILE, "", False
     try:
         if mark.exists():
-            owner = mark.read_text(encoding="utf-8", errors="replace").strip()
+            found = mark.read_text(encoding="utf-8", errors="replace").strip() or "nobody"
         elif directory.exists():  # parts remain of interrupted runs
             foreign = not all(path.name.startswith(".") and path.suffix == ".part" for path in directory.iterdir())
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
-    if (foreign or owner not in (None, scene_hash)) and not force:
-        found = "contains files of other programs" if foreign else "holds results of another scene"
-        raise ResultsError(f"{directory}: {found}; use another --out, or --force")
+    (before, _, old_file), (now, _, file) = found.partition("\n"), owner.partition("\n")
+    edited = before != now and "" != file == old_file
+    if (foreign or (before not in ("", now) and not edited)) and not force:
+        words = "contains files of other programs" if foreign else "holds results of another scene"
+        raise ResultsError(f"{directory}: {words}; use another --out, or --force")
+    if edited:
+        _LOG.warning("%s: results of the scene before its edit are replaced", directory)
     with atomic_file(mark) as stream:
-        stream.write(scene_hash + "\n")
+        stream.write(owner + "\n")
     try:
         yield directory
     except BaseException:
@@ -385,5 +389,5 @@ def claimed_directory(directory: str | Path, scene_hash: str, force: bool = Fals
             if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
                 mark.unlink()
         raise
-    if not mark.exists() or mark.read_text(encoding="utf-8", errors="replace").strip() != scene_hash:
+    if not mark.exists() or mark.read_text(encoding="utf-8", errors="replace").strip() != owner:
         raise ResultsError(f"{directory}: was deleted or overwritten by another command; repeat this one")

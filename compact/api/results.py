@@ -546,7 +546,7 @@ class Process(Tabular, process.ProcessStudy):
         from compact.files import claimed_directory
         from compact.report.process import write_process
 
-        with claimed_directory(directory, self.scene.hash, force) as place:
+        with claimed_directory(directory, self.scene.owner, force) as place:
             return write_process(self, place)
 
     def __repr__(self) -> str:

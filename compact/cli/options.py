@@ -131,7 +131,7 @@ class OwningJob(Job):
     def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, "Progress"]]:
         """Claim the folder of the results of a scene file inside the block, and show the line of progress."""
         progress = self.progress()
-        with claimed_directory(self.place(path, scene, suffix), scene.hash, self.force) as directory, progress:
+        with claimed_directory(self.place(path, scene, suffix), scene.owner, self.force) as directory, progress:
             yield directory, progress
 
 

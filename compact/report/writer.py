@@ -69,7 +69,7 @@ def write_study(
         If a file cannot be written or the directory holds results of another scene.
     """
     items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
-    with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
+    with claimed_directory(directory, study.scene.owner, force) as place, study.helped(executor or SerialExecutor()):
         files = list(_write_contacts(study, place)) if layered else []
         study.begin_contacts()
         for item in ("reactions", "cams", "crank"):

@@ -233,10 +233,9 @@ class Scene(SceneTables):
         width, unit = float(found[1]), found[2]
         if unit == "%":
             return width / 100
-        own = extra_of(key).get("unit", "1")
+        factors = dict(plausible_ranges.OTHER_UNITS.get(extra_of(key).get("unit", "1"), ()))
         value = attrgetter(key)(self)
-        sizes = dict(plausible_ranges.OTHER_UNITS.get(own, ()))
-        return width * sizes.get(unit, 1.0) / abs(value[item] if isinstance(value, tuple) else value)
+        return width * factors.get(unit, 1.0) / abs(value[item] if isinstance(value, tuple) else value)
 
     @property
     def hash(self) -> str:
@@ -248,6 +247,13 @@ class Scene(SceneTables):
         return digest.hexdigest()
 
     @property
+    def owner(self) -> str:
+        """Hash, and of a file on a second line that of its path and changed values: whose results a folder holds."""
+        path = Path(self.file)
+        place = checksum(f"{path.resolve()} {self.changed_values}".encode()) if path.is_file() else ""
+        return f"{self.hash}\n{place}".strip()
+
+    @property
     def changed_values(self) -> str:
         """Keys to which the caller gives another value than the file, such as "moisture=0.12", for names of folders."""
         now, before, found = self._given(), self._source.given, []
@@ -257,8 +263,7 @@ class Scene(SceneTables):
                 short = "none" if value is None else f"{value:g}" if isinstance(value, float) else value
                 text = short if isinstance(short, str) else checksum(json.dumps(value).encode())[:8]
                 found.append(re.sub(r"[^\w.=+-]+", "_", f"{key[-1]}={text}"))
-        name = "-".join(found)
-        return name if len(name) <= LONGEST_NAME else checksum(name.encode())[:8]
+        return name if len(name := "-".join(found)) <= LONGEST_NAME else checksum(name.encode())[:8]
 
     @property
     def checksums(self) -> dict[str, tuple[str, ...]]:
@@ -410,8 +415,7 @@ def _validated(
         for depth, part in enumerate(above, 1):
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                words = f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"
-                mistakes.append(Mistake(key, words))
+                mistakes.append(Mistake(key, f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"))
                 break
         else:
             if value is None:
@@ -436,8 +440,7 @@ def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
     names = fit.get("parameters") if isinstance(fit, dict) else None
     if not isinstance(names, (list, tuple)) or any(f"{key}.".startswith("mix.fitted_at.") for key in changes):
         return
-    given = {key.rpartition(".")[2] for key in changes}
-    given = given.union(*(value for value in changes.values() if isinstance(value, dict)))
+    given = {key.rpartition(".")[2] for key in changes}.union(*(new for new in changes.values() if type(new) is dict))
     kept = [name for name in names if name not in given]
     if kept:
         fit["parameters"] = kept

@@ -150,10 +150,8 @@ def _require_strips(rollers: int, radius: float, width: float, stroke: float) ->
     """Require rollers that fit side by side, and a stroke over one strip each."""
     strip = width / rollers
     if stroke < 2 * radius:
-        words = (
-            f"the stroke of {stroke:g} m is shorter than a roller of {2 * radius:g} m (eq 1.2); give a longer --stroke"
-        )
-        raise SceneError([f"{words} or a smaller --diameter, in m"])
+        words = f"the stroke of {stroke:g} m is shorter than a roller of {2 * radius:g} m (eq 1.2)"
+        raise SceneError([f"{words}; give a longer --stroke or a smaller --diameter, in m"])
     if strip < 2 * radius * (1 - 1e-9):
         words = f"{rollers} rollers of {2 * radius:g} m do not fit side by side on {width:g} m"
         raise SceneError([f"{words}; give --rollers {max(1, int(width / (2 * radius)))} or a smaller --diameter"])

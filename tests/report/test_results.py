@@ -14,6 +14,7 @@ import meshio
 import numpy as np
 import pytest
 
+from compact.cli import program as cli
 from compact.files import (
     OWNER_FILE,
     ResultsError,
@@ -140,7 +141,7 @@ def test_table_is_read_by_columns_without_its_comments(tmp_path):
         (b"", r"t\.csv:1: lacks the columns load"),
         (b"#\nname\n", r"t\.csv:2: lacks the columns load"),
         (b"load,load\n", r"t\.csv:1: each column must have a name of its own, got load, load"),
-        (b"load\n1\n1,2\n", r"t\.csv:3: a row must have one cell for each of 1 columns, got 2"),
+        (b"load\n1\n1,2\n", r"t\.csv:3: must have a cell for each of 1 columns, got 2"),
         (b"\xff", r"t\.csv: cannot be read: .*decode"),
     ],
 )
@@ -183,6 +184,25 @@ def test_directory_of_others_is_refused_and_kept_under_force(tmp_path, case):
     claim_directory(tmp_path, "abc", force=True)
     assert (tmp_path / OWNER_FILE).read_text() == "abc\n"
     assert set(files) <= set(names(tmp_path))
+
+
+def test_results_of_an_edited_scene_file_are_replaced_and_nothing_else_is(tmp_path, monkeypatch, capsys, caplog):
+    monkeypatch.chdir(tmp_path)
+    scene = Path("mine/scene.toml")
+    roll = ["roll", str(scene), "--engine", "formula", "--set", "layer.lift_thickness="]
+    assert cli._exit_code(["new", "mine"]) == cli._exit_code(roll) == 0
+    notes = next(Path("out").glob("mine-*")) / "notes.txt"
+    notes.write_text("mine")
+    before = (notes.parent / "contact.json").read_text()
+    scene.write_text(scene.read_text().replace("moisture = 0.10", "moisture = 0.11"))
+    assert cli._exit_code(roll) == 0
+    assert caplog.messages == [f"{notes.parent}: results of the scene before its edit are replaced"]
+    assert (notes.parent / "contact.json").read_text() != before
+    assert notes.read_text() == "mine"
+    scene.rename("other.toml")
+    roll[1] = "other.toml"
+    assert cli._exit_code([*roll, "--set", "mix.moisture=0.12", "--out", str(notes.parent)]) == 1
+    assert "holds results of another scene" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("result", [None, "laws.csv"])
