@@ -152,9 +152,7 @@ def test_stage_maps_and_extends_by_the_law():
     assert (study.counts["resistance"], after.contacts) == (count, before.contacts)
     length = study.scene.machine.rollers * study.scene.machine.roller_length
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
-        held_out = contact_cases.roll_scene(
-            study.scene, study.stages.contacts.mix, speed, held=study.stages.contacts.held
-        )
+        held_out = contact_cases.roll_scene(study.scene, study.stages.contacts.mix, speed)
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
 
 
