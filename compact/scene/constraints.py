@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from operator import gt, lt
+from operator import eq, gt, lt
 from typing import Any
 
 from compact.engines import BUILT_IN, ENGINES
@@ -171,6 +171,7 @@ for _key in dict.fromkeys(limit.key for engine in BUILT_IN.values() for limit in
 HOLDS: dict[str, Callable[[float, float], bool]] = {
     "below": lt,
     "above": gt,
+    "equal to": eq,
     "at most": lambda value, limit: value <= limit * GUARD,
     "at least": lambda value, limit: value * GUARD >= limit,
 }
@@ -186,6 +187,7 @@ LIMITS = (  # key, relation, limit as a formula of other keys, remedy
     ("motion.rod_length", "above", "motion.stroke / 2", "give a longer rod"),
     ("drive.end_springs.length", "at most", "motion.stroke / 2", "give shorter springs"),
     ("cam.breadth", "above", "motion.stroke", "give a broader cam"),
+    ("process.mould_speed", "equal to", "product.mould_speed", "take product.mould_speed out"),
     (
         "process.mould_speed", "at most", "machine.roller_length / (motion.duration + motion.dwell)",
         "parts of the product would pass between two strokes",
@@ -369,6 +371,8 @@ def _at_most_one(names, *values: Any):
 for _key, _names in (
     ("contact", ("indentation", "load", "peak_pressure")),
     ("process", ("gap", "product_density_ratio", "extrusion_pressure")),
+    ("process", ("offered_thickness", "gap")),
+    ("process", ("offered_thickness", "product_density_ratio")),
 ):
     rule(*(f"{_key}.{name}" for name in _names))(partial(_at_most_one, f"{', '.join(_names[:-1])} and {_names[-1]}"))
 
@@ -455,18 +459,6 @@ def _engine_has_a_process(engine, process):
             'is "process", which needs the table [process] with a moving mould: only then the rollers have a steady '
             "resistance; give process.mould_speed, the feed and one closure"
         )
-
-
-@rule("process.mould_speed", "product.mould_speed")
-def _mould_has_one_speed(speed, of_product):
-    if None not in (speed, of_product) and speed != of_product:
-        return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
-
-
-@rule("process.offered_thickness", "process.gap", "process.product_density_ratio")
-def _offer_is_for_a_pressure(offered, *closures: Any):
-    if offered is not None and any(each is not None for each in closures):
-        return "is for a pressure of extrusion; take it out, or the gap or product_density_ratio"
 
 
 @rule("process.kneading", "mix.overrides.heckel_slope")

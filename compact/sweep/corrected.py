@@ -27,6 +27,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
 from scipy.spatial.distance import cdist
 
 from compact.analysis.stages.ensemble import Share, polynomial_terms
@@ -52,8 +53,7 @@ MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points
 DECIMALS = 9  # [-], of distances; nearer points are equal
 ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
 COVERAGE = 2.0  # [-], error estimate over the rms of the leave-one-out errors; about 95 % of normal errors
-DEGREES = {"linear": 1, "quadratic": 2}  # of polynomial surfaces
-KERNELS = {"thin-plate spline": "thin_plate_spline", "cubic spline": "cubic"}  # of radial basis functions
+DEGREES = {"linear": 1, "quadratic": 2}  # of the polynomial below a spline
 
 
 def create_sweep(
@@ -212,7 +212,8 @@ class Correction:
         for name in FORCES:
             surface, column = self.surfaces[name], self.factors[name]
             span = f"{column.min():.3g} to {column.max():.3g} of columns"
-            counts += f"; {name} {span}, error of interpolation {surface.error:.2%} ({surface.kind} surface)"
+            error = f"error of interpolation {surface.error:.2%}, over a {surface.kind} polynomial"
+            counts += f"; {name} {span}, {error}"
         return counts
 
     def further(self, count: int) -> list[int]:
@@ -221,8 +222,10 @@ class Correction:
             return []
         places, taken = self.places[self.able], [i for i, number in enumerate(self.able) if number in self.exact]
         weights: Any = 1.0
-        if "resistance" in self.surfaces:
-            weights = refinement_weights(places, self.places[self.solved], self.surfaces["resistance"].residuals)
+        if "resistance" in self.surfaces:  # the leave-one-out error at the nearest solved point, within a factor of ten
+            sizes = np.abs(self.surfaces["resistance"].residuals)
+            sizes = np.maximum(sizes, max(MIN_WEIGHT * sizes.max(), ROUNDING))
+            weights = sizes[distances(places, self.places[self.solved]).argmin(axis=1)]
         wanted = count - len(self.solved) if taken else ceil(FIRST_SHARE * count)
         return [self.able[i] for i in choose_points(places, wanted, taken, weights)]
 
@@ -311,22 +314,6 @@ def choose_points(
     return chosen
 
 
-def refinement_weights(places: FloatArray, solved: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Return weights for `choose_points`: the leave-one-out error at the nearest solved point, within a factor of ten.
-
-    Parameters
-    ----------
-    places : FloatArray, shape (points, parameters)
-        Coordinates of the candidates [-].
-    solved : FloatArray, shape (solved, parameters)
-        Coordinates of the points of a surface [-].
-    residuals : FloatArray, shape (solved,)
-        Leave-one-out errors there [-].
-    """
-    size = np.abs(residuals)
-    return np.maximum(size, max(MIN_WEIGHT * size.max(), ROUNDING))[distances(places, solved).argmin(axis=1)]
-
-
 def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
     """Divide points into connected parts, each in an order of neighbours.
 
@@ -386,7 +373,7 @@ class Surface(NamedTuple):
 
 
 def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
-    """Fit the surface with the least leave-one-out error: linear, quadratic, or radial basis functions.
+    """Fit a thin-plate spline over the polynomial with the least leave-one-out error.
 
     Parameters
     ----------
@@ -400,22 +387,15 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
     Surface or None
         None if the points are too few for any surface.
     """
-    from scipy.interpolate import RBFInterpolator
-
-    def fit(kind: str, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        if kind in KERNELS:
-            return RBFInterpolator(x, y, kernel=KERNELS[kind], degree=1)
-        coefficients = np.linalg.lstsq(polynomial_terms(x, DEGREES[kind]), y, rcond=None)[0]
-        return lambda there: polynomial_terms(there, DEGREES[kind]) @ coefficients
-
     found: list[Surface] = []
-    others = [np.arange(len(places)) != i for i in range(len(places))]
-    for kind in (*DEGREES, *KERNELS):
-        if len(places) < polynomial_terms(places, DEGREES.get(kind, 1)).shape[1] + 2:
+    others = ~np.eye(len(places), dtype=bool)
+    for kind, degree in DEGREES.items():
+        if len(places) < polynomial_terms(places, degree).shape[1] + 2:
             continue  # a surface without one point would not be overdetermined
         try:
-            left = [fit(kind, places[rest], values[rest])(places[~rest])[0] for rest in others]
-            found.append(Surface(kind, values - np.array(left), fit(kind, places, values)))
+            without = [RBFInterpolator(places[rest], values[rest], degree=degree) for rest in others]
+            left = np.array([each(places[i : i + 1])[0] for i, each in enumerate(without)])
+            found.append(Surface(kind, values - left, RBFInterpolator(places, values, degree=degree)))
         except np.linalg.LinAlgError:  # points on a line, without one of them
             continue
     return min(found, key=lambda surface: surface.error, default=None)

@@ -139,7 +139,7 @@ PROCESS = [  # of the process scene
     ({"process.strokes": 4}, "process.mould_speed: is 0.0175 m/s, which determines the number of strokes, got process"),
     ({"process.mould_speed": 1.5}, "process.mould_speed: must be at most machine.roller_length / (motion.duration + m"),
     ({"process.mould_speed": 1e-05, "unusual": ["process.mould_speed"]}, "process.mould_speed: must be at least mac"),
-    ({"product.mould_speed": 0.02}, "process.mould_speed: must be product.mould_speed = 0.02 m/s, got 0.0175"),
+    ({"product.mould_speed": 0.02}, "process.mould_speed: must be equal to product.mould_speed = 0.02 m/s, got"),
     ({"process.fill_height": 0.2}, "process.fill_height: needs process.fill_density_ratio, which is missing; give it,"),
     ({"process.fill_height": 0.23, "process.fill_density_ratio": 0.75}, "process.fill_height: must be at most prod"),
     (NO_CLOSURE | {"process.gap": 0.007}, "process.gap: must be at most machine.roller_radius * (1 - cos(process.nip_"),
@@ -147,6 +147,6 @@ PROCESS = [  # of the process scene
     ({"process.product_density_ratio": 0.74}, "process.product_density_ratio: must be above max(process.feed_density_"),
     ({"process.feed": "first"}, 'process.feed_count: is missing, and process.feed is "first"; give the number of f'),
     ({"process.feed_count": 3}, 'process.feed_count: is for process.feed = "first", got it with "room"; take it out,'),
-    ({"process.offered_thickness": 0.001}, "process.offered_thickness: is for a pressure of extrusion; take it out"),
+    ({"process.offered_thickness": 0.001}, "process.offered_thickness: only one of offered_thickness and "),
     ({"process": None}, "sleeve: needs process, which is missing; give it, or take the key out"),
 ]
