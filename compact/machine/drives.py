@@ -44,7 +44,7 @@ class Variant(NamedTuple):
     keys : mapping
         New values by scene key.
     of : tuple of str
-        Quantities that differ from the scene, of `INSTRUMENTS` where it tells how they are measured.
+        Quantities that differ from the scene, those of `instruments.csv` with how they are measured.
     """
 
     label: str
@@ -59,13 +59,6 @@ class Variant(NamedTuple):
 STIFFNESS, DAMPING = "stiffness of the drive", "damping of the drive"
 INERTIA, MASS = "inertia of the motor", "mass of the cart"
 EDGE = "sleeve distance"
-INSTRUMENTS = {  # quantity -> how it is measured
-    STIFFNESS: "force over deflection of the blocked cart",
-    DAMPING: "tap test",
-    INERTIA: "data sheets, or the time of a run-up without load",
-    MASS: "scales",
-    EDGE: "ruler, axle to fresh mix at a turn",
-}
 
 
 class Drive:

@@ -188,7 +188,7 @@ def decision_numbers(study: "Study") -> dict[str, Any] | None:
                   for by, (count, number, excess) in found.drive.items()},
         "fitted": text.fitted_inputs(study), "fitted_resistance": forces, "prior_resistance": priors,
         "not_for_sizing": {each.engine: each.invalid for each in study.models if each.invalid},
-        "measurements": text.measurements(study),
+        "measurements": found.measurements,
     }  # fmt: skip
 
 

@@ -243,7 +243,7 @@ SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, fi
         "Contact and resistance", "held turn no_speed guides sleeves return_stroke air work",
         "pressure section resistance stroke fields", _contacts,
     ),
-    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty spread", "", _uncertainty),
+    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty spread robust_gain", "", _uncertainty),
     "drive": ("Shaft, cam and duration", "motor bearings compliant no_cam", "shaft duration", _motion),
     "checks": ("Built-in checks", "checks", "", _checks),
     "explained": ("Where each number comes from", "", "", _explained),

@@ -16,16 +16,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MAP, MESH, MIX, MODELS
+from compact.analysis.sizing.decision import measurements
+from compact.analysis.stages.robust_range import missing_for_pool
+from compact.analysis.stages.uncertainty import DRIVE
 from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
-from compact.machine.drives import INSTRUMENTS
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
-from compact.scene.schema import Overrides
 
 TEXT_WIDTH = 118  # characters of a line, without its indent
 DIGEST_LINES = 20  # [-], of a digest
@@ -36,19 +36,7 @@ ANSWER = (  # sentences of the answer, of terminal and page, the most important 
 FAILURES: dict[type[Exception], str] = {
     HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",
 }  # fmt: skip
-WORTH = 0.01  # [-], of the margins that a measurement must be worth to be named
 SIZED = "peak_force", "peak_power", "shaft_torque", "motor_rating", "roller_load"  # columns of the decision
-FORCE_SOURCES = MESH, MAP, MIX, LAW, AIR, MODELS  # of the margin, which a measured force on the cart replaces
-MIX_INSTRUMENTS = {  # parameter of the mix -> how it is measured
-    "heckel_slope": "oedometer to the pressure of the roller",
-    FED: "mass of a known volume behind the sleeve",
-    "cohesion_loose": "direct shear of loose mix at three loads",
-    "friction_angle": "direct shear at three loads",
-    "steel_friction": "inclined steel plate",
-    "poisson": "oedometer with lateral load cells",
-    "unloading_modulus": "oedometer, unloading",
-    "rate_sensitivity": "oedometer at three rates",
-}
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 SPACE = re.compile(r"\s+(?=[;,:)])|(?<=\()\s+|(?<=\s)\s+")  # before marks, and more than one
 
@@ -68,9 +56,7 @@ def templates() -> Environment:
         "degrees": math.degrees,
     }
     environment.tests["finite"] = math.isfinite
-    functions = (
-        coverage, fitted_inputs, infinite_laws, measurements, other_verdicts,
-    )  # fmt: skip
+    functions = coverage, fitted_inputs, infinite_laws, measurements, missing_for_pool, other_verdicts
     environment.globals |= {each.__name__: each for each in functions}
     environment.globals |= {"CRITERIA": CRITERIA, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
     return environment
@@ -129,39 +115,6 @@ def fitted_inputs(study: Study) -> list[str]:
     return list(dict.fromkeys(key.rpartition(".")[2] for model in study.models for key in model.fitted))
 
 
-def measurements(study: Study) -> list[dict[str, Any]]:
-    """Return what may be measured: quantity, instrument, and margins before and after; the largest gain first.
-
-    A quantity of the mix removes its share of the variance of the peak; the force of a slow pass removes mesh, map,
-    mix, its laws, pore air and the other models; a quantity of the drive no longer varies.
-    """
-    known, choice = study.uncertainty, study.choice
-    if known is None or choice is None:
-        return []
-    margins = {by: known.margin(by, law=choice.law) for by in known.laws}
-
-    def entry(what: str, how: str, after: dict[str, float]) -> dict[str, Any]:
-        return {"what": what, "how": how, "before": margins, "after": after}
-
-    drive, mix, found = known.source(DRIVE), known.source(MIX), []
-    for name in drive.quantities if drive else ():
-        after = {by: known.margin(by, law=choice.law, known=name) for by in known.laws}
-        found.append(entry(name, INSTRUMENTS.get(name, "by its maker"), after))
-    after = {by: known.margin(by, FORCE_SOURCES, choice.law) for by in known.laws}
-    found.append(entry("force on the cart", "load cell in its rod, slow pass over fresh mix", after))
-    shares = known.mix.shares if known.mix and mix else {}
-    rises = {by: mix.changes(choice.law, by)[1] if mix else 0.0 for by in known.laws}
-    for name in next(iter(shares.values()), ()):
-        parts = {by: shares[by][name] * max(0.0, rises[by]) ** 2 for by in known.laws}
-        left = {by: math.sqrt(max(0.0, margins[by] ** 2 - part)) for by, part in parts.items()}
-        words = (Overrides.model_fields[name].description or name) if name != FED else "density ratio of the fed mix"
-        words = words.rsplit(" in ", 1)[0].removeprefix("the ")
-        found.append(entry(words, MIX_INSTRUMENTS.get(name, "laboratory test"), left))
-    gains = [sum(margins[by] - each["after"][by] for by in margins if margins[by] < math.inf) for each in found]
-    order = sorted(range(len(found)), key=lambda i: -gains[i])
-    return [found[i] for i in order if gains[i] > WORTH]
-
-
 def infinite_laws(orders: Mapping[str, list[Place]]) -> dict[str, list[str]]:
     """Return the laws that no machine can follow by the criteria of the answer, by reason."""
     reasons: dict[str, dict[str, None]] = {}
@@ -211,9 +164,10 @@ def model_table(study: Study) -> TableSpec:
 
 
 def measurement_table(study: Study) -> TableSpec:
-    """Tabulate what may be measured, how, and the margins that remain."""
+    """Tabulate what may be measured, how, what to expect, and the margins that remain."""
     found = measurements(study)
-    columns = {"quantity": [each["what"] for each in found], "instrument": [each["how"] for each in found]}
+    names = {"quantity": "what", "instrument": "how", "procedure": "procedure", "expected": "", "cost": "cost"}
+    columns = {head: [each.get(name) or say("band", each) for each in found] for head, name in names.items()}
     for by, before in found[0]["before"].items() if found else ():
         head = f"margin of {by.rpartition('_')[2]}, {format_percent(before)} today"
         columns[head] = [format_percent(each["after"][by]) for each in found]

@@ -10,11 +10,13 @@ Nothing is fitted: what is not given or derived is a guess, the mix is that of t
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from compact.files import ResultsError, published_scenes, write_bytes
 from compact.scene.errors import SceneError, key_places
 from compact.scene.loader import parse_scene
+from compact.scene.plant_data import instruments
 from compact.scene.schema import unit_of
 
 GRAVITY = 9.81  # [m/s2]
@@ -24,6 +26,7 @@ LOOSE, FED_SHARE = 0.72, 0.846  # [-], density ratio of loose mix; share of the 
 PIN_REACH, ROD_REACH = 0.7, 2.0  # [-], of the stroke: drive pin before the guide, rod; those of the published machine
 SCHEMA_LINE = "#:schema ./scene.schema.json\n"
 COLUMN = 34  # [characters], at which a comment begins
+SHEET_WIDTH = 112  # [characters], of a line of the sheet of measurements
 
 Values = dict[str, tuple[Any, str]]  # value and origin by key
 
@@ -34,11 +37,14 @@ def starter_scene() -> str:
 
 
 def write_sheet(directory: Path) -> Path:
-    """Write the empty sheet of measurements; ResultsError if it exists."""
-    path = directory / "measured.toml"
+    """Write the empty sheet of measurements with how each is made; ResultsError if it exists."""
+    path, text = directory / "measured.toml", (files("compact") / "data" / "measurements.toml").read_text("utf-8")
     if path.exists():
         raise ResultsError(f"{path}: exists already; give another directory")
-    return write_bytes(path, (files("compact") / "data" / "measurements.toml").read_bytes())
+    for name, row in instruments().items():
+        words = "{0}: {how}. Procedure: {procedure}. Expected: {expected}. Cost: {cost}.".format(name, **row)
+        text = text.replace(f"{{{name}}}", "\n#    ".join(wrap(words, SHEET_WIDTH)))
+    return write_bytes(path, text.encode())
 
 
 def published_scene(name: str) -> str:

@@ -44,6 +44,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import field, fields, is_dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -261,6 +262,11 @@ KINDS: dict[str, tuple[Any, str, str]] = {  # table of a file -> record, column 
     "compression": (Compression, "pressure", "compressions"), "value": (KeyValue, "key", "values"),
     "measurement": (Measurement, "", "measurements"),
 }  # fmt: skip
+
+
+def instruments() -> dict[str, dict[str, str]]:
+    """Return how each quantity is measured, by its name: how (the instrument), procedure, expected and cost."""
+    return {row.pop("name"): row for _, row in read_table(files("compact") / "data" / "instruments.csv")}
 
 
 def read_measurements(path: str | Path) -> Measured:

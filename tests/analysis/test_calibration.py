@@ -13,8 +13,18 @@ from compact.analysis.calibration import calibrate, calibrate_drive, fit_slope, 
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.compaction import engine as finite_elements
+from compact.machine.drives import DAMPING, EDGE, STIFFNESS
 from compact.scene.loader import SceneError, load_scene
-from compact.scene.plant_data import Band, Compression, Deflection, Measured, Measurement, Tap, read_measurements
+from compact.scene.plant_data import (
+    Band,
+    Compression,
+    Deflection,
+    Measured,
+    Measurement,
+    Tap,
+    instruments,
+    read_measurements,
+)
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
@@ -241,6 +251,11 @@ def test_the_empty_sheet_says_so_and_the_filled_one_gives_lines_of_a_scene(tmp_p
     monkeypatch.chdir(tmp_path)
     assert cli._exit_code(["new", "mine", "--measurements", "--moisture", "0.09"]) == 0
     sheet, scene = Path("mine/measured.toml"), Path("mine/scene.toml")
+    words = " ".join(sheet.read_text().replace("\n#", "").split())
+    table = instruments()
+    used = [name for name in table if "{0}: {how}. Procedure: {procedure}.".format(name, **table[name]) in words]
+    assert used == ["force on the cart", "heckel_slope", STIFFNESS, DAMPING, EDGE]
+    assert "{" not in sheet.read_text().replace("{ value", "")
     assert cli._exit_code(["calibrate", str(scene), str(sheet)]) == 2
     assert "contains no measurement" in capsys.readouterr().err
     sheet.write_text(filled(sheet.read_text()).partition("[[stroke]]")[0])

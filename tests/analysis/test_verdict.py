@@ -107,6 +107,14 @@ def test_measured_parameter_has_a_range_of_a_tenth(tmp_path):
     assert found["heckel_slope"] == pytest.approx((slope / 1.5, slope * 1.5))
 
 
+@pytest.mark.parametrize("ratio", [0.87, 1.1])
+def test_what_the_robust_law_gains_is_told_by_its_worst_peak(ratio):
+    known = SimpleNamespace(ratio=ratio, published="cubic")
+    laws = SimpleNamespace(robust={"robust-peak-force": known})
+    case = SimpleNamespace(scene=study().scene, stages=SimpleNamespace(laws=laws, resistance=study().stages.resistance))
+    assert f"worst peak is {ratio:.2f} of that of cubic, the best published law" in text.say("robust_gain", case)
+
+
 @pytest.mark.slow
 def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
     known = study().uncertainty
@@ -237,9 +245,14 @@ def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):
     for by, after in found[STIFFNESS]["after"].items():
         assert after == known.margin(by, law=law, known=STIFFNESS)
         assert found[STIFFNESS]["before"][by] == pytest.approx(study().decision.sizes[by].margin)
+    assert (found[STIFFNESS]["low"], found[STIFFNESS]["high"]) == (3.33e5, 3e6)  # over and times 3, as the drive varies
+    assert found[STIFFNESS]["cost"] == "an hour with a load cell and a chain hoist"
+    assert study().decision.measurements == list(found.values())
+    assert text.measurement_table(study()).cells()["expected"][0] == "333 kN/m to 3.00 MN/m"
+    assert "robust_peak_force" in text.say("robust_gain", study())
     gains = [sum(each["before"].values()) - sum(each["after"].values()) for each in found.values()]
     assert gains == sorted(gains, reverse=True)
-    assert "measure first: stiffness of the drive (force over deflection" in text.say("measure", study())
+    assert "measure first: stiffness of the drive (load cell and dial gauge, cart" in text.say("measure", study())
     monkeypatch.setattr(stage, "SAMPLES", 64)
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"], "motion.laws": ["cubic"]})

@@ -13,20 +13,29 @@ mesh, mix, laws of the mix, pore air and model.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from compact.analysis.machine_models import catalogue
+from compact.analysis.stages import uncertainty as sources
 from compact.analysis.stages.drives import SAME_TRAVEL, same_motions
 from compact.analysis.stages.uncertainty import AIR, DRIVE, LAW, MESH, MIX, MODELS, RankingUncertainty, air_ratios
 from compact.analysis.stages.verdict import ModelAnswer, sizing_model
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
+from compact.scene.loader import Scene
+from compact.scene.plant_data import instruments
+from compact.scene.schema import declared_keys, extra_of
 
 if TYPE_CHECKING:
     from compact.analysis.study import Study
 
 CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
+WORTH = 0.01  # [-], of the margins that a measurement must be worth to be named
+FORCE_SOURCES = MESH, sources.MAP, MIX, LAW, AIR, MODELS  # of the margin, which a measured force on the cart replaces
 CAM_FOLLOWER, CAM_ITEMS = "roller", {"cams", "report"}  # outputs that state whether the cam can be cut
 
 Changes = dict[str, tuple[float, float]]
@@ -107,6 +116,8 @@ class Decision:
         Excess of the law over the first one [-] by valid model and criterion.
     drive : dict
         By criterion: ends of the drive at which another law is first, their number, and the largest excess there [-].
+    measurements : list of dict
+        What to measure, see `measurements`.
     """
 
     choice: Choice
@@ -118,6 +129,7 @@ class Decision:
     cam: str
     regrets: dict[str, dict[str, float]]
     drive: dict[str, tuple[int, int, float]]
+    measurements: list[dict[str, Any]]
 
     @property
     def law(self) -> str:
@@ -220,7 +232,64 @@ def decide(study: "Study") -> Decision | None:
         ends = [end for end in drives if math.isfinite(end.change[law][by])]  # those with a periodic cycle
         excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in ends]
         drive[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess, default=0.0)
-    return Decision(choice, model.engine, model.invalid, own, other, motor, cam, regrets, drive)
+    told = measurements(study)
+    return Decision(choice, model.engine, model.invalid, own, other, motor, cam, regrets, drive, told)
+
+
+def measurements(study: "Study") -> list[dict[str, Any]]:
+    """Return what may be measured, the largest gain first.
+
+    A quantity of the mix removes its share of the variance of the peak; the force of a slow pass removes mesh, map,
+    mix, its laws, pore air and the other models; a quantity of the drive no longer varies.
+
+    Returns
+    -------
+    list of dict
+        what, how (the instrument), procedure, expected (of any machine) and cost in words; low and high of what is
+        known of the quantity today, in unit; margins before and after by criterion [-].
+    """
+    found: list[dict[str, Any]] = []
+    known, choice, table = study.uncertainty, study.choice, instruments()
+    if known is None or choice is None:
+        return []
+    margins = {by: known.margin(by, law=choice.law) for by in known.laws}
+
+    def tell(name: str, what: str, ends: Iterable[float], unit: str, after: dict[str, float]) -> None:
+        low, high = (float(f"{end:.3g}") for end in (min(ends), max(ends)))
+        now = {"low": low, "high": high, "unit": unit, "before": margins, "after": after}
+        found.append({"what": what, **table.get(name, table["other"]), **now})
+
+    drive, mix, model = known.source(DRIVE), known.source(MIX), sizing_model(study.models)
+    for name in drive.quantities if drive else ():
+        after = {by: known.margin(by, law=choice.law, known=name) for by in known.laws}
+        tell(name, name, *_ends_of(study.scene, name), after)
+    valid = [each for each in study.models if each.valid] or [model]
+    forces = [each.mean_resistance[study.case[0]] for each in (model, *valid)]
+    forces += [forces[0] * ratio for ratio in (known.mix.low, known.mix.high)] if known.mix else []
+    after = {by: known.margin(by, FORCE_SOURCES, choice.law) for by in known.laws}
+    tell("force on the cart", "force on the cart", forces, "N", after)
+    rises = {by: max(0.0, mix.changes(choice.law, by)[1]) for by in known.laws} if mix else {}
+    ranges, shares = (known.mix.ranges, known.mix.shares) if known.mix and mix else ({}, {})
+    for name, ends in ranges.items():
+        after = {by: margins[by] ** 2 - shares[by][name] * rise**2 for by, rise in rises.items()}
+        after = {by: math.sqrt(max(0.0, square)) for by, square in after.items()}
+        key = f"mix.overrides.{name}" if name != sources.FED else f"layer.{name}"
+        words = declared_keys()[key].description or name
+        tell(name, words.rsplit(" in ", 1)[0].removeprefix("the "), ends, extra_of(key).get("unit", "1"), after)
+
+    def gain(each: dict[str, Any]) -> float:
+        return sum(margins[by] - each["after"][by] for by in margins if margins[by] < math.inf)
+
+    return sorted((each for each in found if gain(each) > WORTH), key=gain, reverse=True)
+
+
+def _ends_of(scene: Scene, name: str) -> tuple[list[float], str]:
+    """Return the values of a quantity of drive or cart over what is known of it, and its unit."""
+    ends = [
+        (key, end) for each in sources.drive_variants(scene, edges=True) if each.of == (name,)
+        for key, value in each.keys.items() if value != attrgetter(key)(scene) for end in np.ravel(value).tolist()
+    ]  # fmt: skip
+    return [end for key, end in ends if key == ends[0][0]], extra_of(ends[0][0]).get("unit", "1")
 
 
 def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncertainty | None) -> Size:
