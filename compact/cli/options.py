@@ -161,7 +161,7 @@ class NewMachine:
     diameter
         of a roller, m
     plate
-        WIDTHxLENGTHxHEIGHT of the product in m, along the travel, along the rollers, and up
+        WIDTHxLENGTHxHEIGHT of the plate or mould in m, along the travel, along the rollers, and up
     stroke
         from end to end, m
     duration

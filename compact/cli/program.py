@@ -9,9 +9,10 @@ import gc
 import json
 import logging
 import os
+import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -102,6 +103,8 @@ def new(
 ) -> None:
     """Write a commented scene that runs as it is, and the schema by which editors complete its keys.
 
+    In a terminal, without options of the machine, it asks for each of them.
+
     Parameters
     ----------
     directory
@@ -122,6 +125,8 @@ def new(
         raise ResultsError(f"{path}: exists already; give another directory")
     if source is not None and given:
         raise ValueError("--from copies a published scene as it is; leave the other options out, or edit the copy")
+    if source is None and not given and sys.stdin and sys.stdin.isatty():
+        given = _asked(path)
     text, derived = (new_scene.published_scene(source), []) if source else new_scene.new_scene(given, str(path))
     with atomic_file(path) as stream:
         stream.write(text)
@@ -129,6 +134,35 @@ def new(
     if measurements:
         derived.append(f"{new_scene.write_sheet(directory)} written; fill it in, then: compact calibrate {path} SHEET")
     print("\n".join([*derived, f"{path} written; next: compact run {path}"]))
+
+
+def _asked(path: Path) -> dict[str, Any]:
+    """Ask for the machine as by its options; a wrong answer gets the refusal of its option, and the question again."""
+    from compact.scene import new_scene
+
+    shown, typed = new_scene.assumed(), dict[str, str]()
+    words = dict(re.findall(r"(?m)^    (\w+)\n        (.+)", cli.NewMachine.__doc__ or ""))
+    print("Enter takes what is in brackets; Ctrl-C ends and writes nothing.")
+
+    def given(names: Iterable[str]) -> dict[str, Any]:
+        options = [f"--{name.replace('_', '-')}={typed[name]}" for name in names if typed.get(name)]
+        _, bound, _ = app.parse_args(["new", str(path), *options], exit_on_error=False, print_error=False)
+        return dict(bound.arguments.get("machine", cli.NewMachine()).given())
+
+    waiting = list(words)
+    while waiting:
+        name, *waiting = again = waiting
+        before = typed.get(name, "")
+        typed[name] = input(f"{name}, {words[name]} [{before or shown[name]}]: ").strip() or before
+        try:
+            new_scene.require_given(given([name]), str(path))
+            before, again = typed[name], list(words)
+            if not waiting:
+                new_scene.new_scene(given(words), str(path))
+        except (CycloptsError, ValueError) as error:
+            cli.print_error(_with_remedy(error, ["new"]) if isinstance(error, CycloptsError) else error, SUCCESS)
+            waiting, typed[name] = again, before
+    return given(words)
 
 
 @app.command
@@ -413,9 +447,7 @@ def export(
                 table = force_table(CartModel.of(study), tolerance or given.accuracy.tolerance)
                 files.append(write_force_csv(table, directory / "force.csv"))
                 numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
-                notes.append(
-                    "force without the mass of the cart, {mass:g} kg; interpolation error {interpolation_error:.1e}"
-                )
+                notes.append("force without the cart, {mass:g} kg; interpolation error {interpolation_error:.1e}")
             elif name == "fmu":
                 files.append(write_fmu(CartModel.of(study), directory / "cart.fmu", given.title))
                 notes.append("" if has_binary(files[-1]) else "cart.fmu: sources only, as no compiler is found")

@@ -9,13 +9,14 @@ Nothing is fitted: what is not given or derived is a guess, the mix is that of t
 
 from collections.abc import Mapping
 from importlib.resources import files
+from operator import attrgetter
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 from compact.files import ResultsError, published_scenes, write_bytes
 from compact.scene.errors import SceneError, key_places
-from compact.scene.loader import parse_scene
+from compact.scene.loader import Scene, parse_scene
 from compact.scene.plant_data import instruments
 from compact.scene.schema import unit_of
 
@@ -27,6 +28,11 @@ PIN_REACH, ROD_REACH = 0.7, 2.0  # [-], of the stroke: drive pin before the guid
 SCHEMA_LINE = "#:schema ./scene.schema.json\n"
 COLUMN = 34  # [characters], at which a comment begins
 SHEET_WIDTH = 112  # [characters], of a line of the sheet of measurements
+
+KEYS = {  # option -> key of the scene
+    "rollers": "machine.rollers", "stroke": "motion.stroke", "duration": "motion.duration", "mass": "machine.mass",
+    "moisture": "mix.moisture", "density_ratio": "mix.density_ratio",
+}  # fmt: skip
 
 Values = dict[str, tuple[Any, str]]  # value and origin by key
 
@@ -78,15 +84,28 @@ def new_scene(given: Mapping[str, Any], file: str = "scene.toml") -> tuple[str, 
     SceneError
         If the machine has mistakes.
     """
-    text = starter_scene()
-    template = parse_scene(text, file)
-    values = _given(given)
-    template.require_fields(**{key: value for key, (value, _) in values.items()})
-    values |= _derived(given, template)
+    text, template = starter_scene(), require_given(given, file)
+    values = _given(given) | _derived(given, template)
     text = _with_values(text, values)
     parse_scene(text, file)
     told = [(key, value, origin) for key, (value, origin) in values.items() if origin != "given"]
     return text, [f"{key} = {_toml(value)}{unit_of(key)}: {origin}" for key, value, origin in told]
+
+
+def require_given(given: Mapping[str, Any], file: str) -> Scene:
+    """Return the scene of the template; SceneError if a value that is given is wrong by itself."""
+    template = parse_scene(starter_scene(), file)
+    template.require_fields(**{key: value for key, (value, _) in _given(given).items()})
+    return template
+
+
+def assumed() -> dict[str, str]:
+    """Return in words what is assumed where an option is not given, by its name."""
+    scene = parse_scene(starter_scene())
+    machine, product = scene.machine, scene.product
+    plate = f"{product.width:g}x{machine.roller_length:g}x{product.height:g}"
+    found = {"rollers": "the width over the stroke", "diameter": f"{2 * machine.roller_radius:g}", "plate": plate}
+    return {name: f"{attrgetter(key)(scene):g}" for name, key in KEYS.items()} | found
 
 
 def read_plate(text: str) -> tuple[float, float, float]:
@@ -100,9 +119,7 @@ def read_plate(text: str) -> tuple[float, float, float]:
 
 def _given(given: Mapping[str, Any]) -> Values:
     """Return the keys that the options state."""
-    keys = {"rollers": "machine.rollers", "stroke": "motion.stroke", "duration": "motion.duration",
-            "mass": "machine.mass", "moisture": "mix.moisture", "density_ratio": "mix.density_ratio"}  # fmt: skip
-    found = {key: given[name] for name, key in keys.items() if name in given}
+    found = {key: given[name] for name, key in KEYS.items() if name in given}
     if "diameter" in given:
         found["machine.roller_radius"] = given["diameter"] / 2
     if "plate" in given:

@@ -1,6 +1,7 @@
 """The scene of `compact new`: what is derived, what a wrong option gets, and the engine that "auto" chooses."""
 
 import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -77,6 +78,58 @@ def test_a_wrong_option_gets_a_sentence_with_a_remedy(wrong, words, tmp_path, mo
     assert words in said
     assert said.count("\n") == (3 if "x" in wrong[1] and "mm" in words else 1)  # lengths of the plate
     assert not (tmp_path / "mine").exists()
+
+
+def asked(monkeypatch, answers):
+    """Answer the questions of a terminal; return those asked."""
+    told, given = [], iter(answers)
+
+    def answer(question):
+        told.append(question)
+        found = next(given)
+        return found if isinstance(found, str) else raising(found)
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    return told
+
+
+def raising(error):
+    raise error
+
+
+@pytest.mark.parametrize("answers", [("3", "0.18", "0.9x0.9x0.1", "0.3", "1.2", "650", "0.09", ""), ("",) * 8])
+def test_questions_write_the_scene_of_the_options(answers, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    told = asked(monkeypatch, answers)
+    assert cli._exit_code(["new", "mine"]) == 0
+    assert [each.partition(",")[0] for each in told] == [*PLATE, "density_ratio"]
+    assert all(re.search(r", .+ \[.+\]: $", each) for each in told)
+    text, derived = new_scene(PLATE if any(answers) else {})
+    assert (tmp_path / "mine" / "scene.toml").read_text() == text
+    assert all(line in capsys.readouterr().out.split("\n") for line in derived[:1])
+
+
+def test_a_wrong_answer_gets_the_refusal_of_its_option_and_the_question_again(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    again = ("3", "", "", "0.3", "1.2", "", "", "")  # swapped before, which is found at the end; Enter keeps the others
+    told = asked(
+        monkeypatch, ("3", "180", "0.18", "0.9x0.9", "0.9x0.9x0.1", "1.2", "0.3", "650", "9 %", "0.09", "", *again)
+    )
+    assert cli._exit_code(["new", "mine"]) == 0
+    said = capsys.readouterr().err
+    for words in ("was 90 mm = 0.09 m meant?", "such as 0.9x0.9x0.1, got '0.9x0.9'", "give a plain number", "swapped?"):
+        assert words in said
+    assert told[1] == told[2]
+    assert told[12] == "diameter, of a roller, m [0.18]: "
+    assert (tmp_path / "mine" / "scene.toml").read_text() == new_scene(PLATE)[0]
+
+
+def test_an_interrupted_question_writes_nothing(tmp_path, monkeypatch, capsys):
+    asked(monkeypatch, ("3", KeyboardInterrupt()))
+    assert cli._exit_code(["new", str(tmp_path / "mine")]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", [name for name in published_scenes() if "printed" not in name])
