@@ -217,7 +217,7 @@ class Study:
 
         Where a pass over fresh mix and the forming process both size the machine, each is that of the larger one.
         """
-        return machine_sizing(self.stages, self.choice and self.choice.law, governing_pair(self.models))
+        return machine_sizing(self.stages, self.choice.law if self.choice else None, governing_pair(self.models))
 
     @cached_property
     def work_balance(self) -> WorkBalance:

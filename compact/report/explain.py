@@ -181,8 +181,7 @@ def decision_numbers(study: "Study") -> dict[str, Any] | None:
     forces = {each.engine: json_number(each.mean_resistance[duration], "N") for each in study.models}
     priors = {each.engine: json_number(each.prior[1], "N") for each in study.models if each.prior}
     return {
-        **json_values(found, "law alternative engine invalid motor cam"),
-        "candidates": list(found.choice.candidates), "excess": found.choice.excess,
+        **json_values(found, "law alternative engine invalid motor cam candidates excess"),
         "sizes": sizes, "alternative_sizes": other, "above_first_law": found.regrets,
         "drive": {by: {"ends_with_another_first": count, "ends": number, "excess": excess}
                   for by, (count, number, excess) in found.drive.items()},

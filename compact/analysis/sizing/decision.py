@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -86,8 +86,21 @@ class Size:
         return dict(sorted(found.items(), key=lambda each: -each[1]))
 
 
-class Choice(NamedTuple):
-    """Decided law, the alternative if any, the candidates, and the excess of the law over their least sizes [-]."""
+@dataclass(frozen=True)
+class Choice:
+    """Choice of a law.
+
+    Parameters
+    ----------
+    law : str
+        Decided law.
+    alternative : str or None
+        The next law; None with one law alone.
+    candidates : tuple of str
+        Laws among which it was decided.
+    excess : float
+        Of the peaks of the law with their margins over the least ones of the candidates, at most [-].
+    """
 
     law: str
     alternative: str | None
@@ -96,13 +109,11 @@ class Choice(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Decision:
+class Decision(Choice):
     """One law, the sizes of its machine, and one alternative.
 
     Parameters
     ----------
-    choice : Choice
-        Law and alternative.
     engine, invalid : str
         Model that sizes, and the reason why it may not; empty if it may.
     sizes, other_sizes : dict of str to Size
@@ -120,7 +131,6 @@ class Decision:
         What to measure, see `measurements`.
     """
 
-    choice: Choice
     engine: str
     invalid: str
     sizes: dict[str, Size]
@@ -130,16 +140,6 @@ class Decision:
     regrets: dict[str, dict[str, float]]
     drive: dict[str, tuple[int, int, float]]
     measurements: list[dict[str, Any]]
-
-    @property
-    def law(self) -> str:
-        """Decided law."""
-        return self.choice.law
-
-    @property
-    def alternative(self) -> str | None:
-        """The next law; None with one law alone."""
-        return self.choice.alternative
 
 
 def candidates(
@@ -232,8 +232,10 @@ def decide(study: "Study") -> Decision | None:
         ends = [end for end in drives if math.isfinite(end.change[law][by])]  # those with a periodic cycle
         excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in ends]
         drive[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess, default=0.0)
-    told = measurements(study)
-    return Decision(choice, model.engine, model.invalid, own, other, motor, cam, regrets, drive, told)
+    return Decision(
+        **vars(choice), engine=model.engine, invalid=model.invalid, sizes=own, other_sizes=other, motor=motor, cam=cam,
+        regrets=regrets, drive=drive, measurements=measurements(study),
+    )  # fmt: skip
 
 
 def measurements(study: "Study") -> list[dict[str, Any]]:
