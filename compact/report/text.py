@@ -167,7 +167,7 @@ def measurement_table(study: Study) -> TableSpec:
     """Tabulate what may be measured, how, what to expect, and the margins that remain."""
     found = measurements(study)
     names = {"quantity": "what", "instrument": "how", "procedure": "procedure", "expected": "", "cost": "cost"}
-    columns = {head: [each.get(name) or say("band", each) for each in found] for head, name in names.items()}
+    columns = {head: [each.get(name) or say("band", each["range"]) for each in found] for head, name in names.items()}
     for by, before in found[0]["before"].items() if found else ():
         head = f"margin of {by.rpartition('_')[2]}, {format_percent(before)} today"
         columns[head] = [format_percent(each["after"][by]) for each in found]

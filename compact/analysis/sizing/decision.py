@@ -247,8 +247,8 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        what, how (the instrument), procedure, expected (of any machine) and cost in words; low and high of what is
-        known of the quantity today, in unit; margins before and after by criterion [-].
+        what, how (the instrument), procedure, expected (of any machine) and cost in words; range, low to high, of what
+        is known of the quantity today; margins before and after by criterion [-].
     """
     found: list[dict[str, Any]] = []
     known, choice, table = study.uncertainty, study.choice, instruments()
@@ -258,7 +258,7 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
 
     def tell(name: str, what: str, ends: Iterable[float], unit: str, after: dict[str, float]) -> None:
         low, high = (float(f"{end:.3g}") for end in (min(ends), max(ends)))
-        now = {"low": low, "high": high, "unit": unit, "before": margins, "after": after}
+        now = {"range": {"low": low, "high": high, "unit": unit}, "before": margins, "after": after}
         found.append({"what": what, **table.get(name, table["other"]), **now})
 
     drive, mix, model = known.source(DRIVE), known.source(MIX), sizing_model(study.models)
