@@ -510,7 +510,7 @@ def calibrate(
     path = job.place(scene, given, "calibration.json")
     summary: dict[str, Any] = {}
     told = []
-    if readings.of_drive:
+    if readings.deflections or readings.taps:
         drive = calibration.calibrate_drive(given, readings)
         summary["drive"] = {name: vars(each) | {"spread": each.spread} for name, each in drive.items()}
         told.append(calibration.drive_digest(drive, given.machine.mass))

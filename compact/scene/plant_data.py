@@ -240,11 +240,6 @@ class Measured:
             if not low < high:
                 raise ValueError(f"assumptions, `{key}`: low < high must hold, got {low:g}, {high:g}")
 
-    @property
-    def of_drive(self) -> bool:
-        """True if there are tests of the drive."""
-        return bool(self.deflections or self.taps)
-
     def moved(self, name: str, value: float) -> "Measured":
         """Return the measurements with another value of the datum `name`, its band widened to contain it."""
 
