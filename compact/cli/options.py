@@ -187,10 +187,8 @@ class NewMachine:
         """Return the options that are given, the plate as three lengths [m]."""
         from compact.scene.new_scene import read_plate
 
-        found = {name: value for name, value in vars(self).items() if value is not None}
-        if self.rollers is not None and self.rollers.is_integer():
-            found["rollers"] = int(self.rollers)
-        return found | ({"plate": read_plate(self.plate)} if self.plate is not None else {})
+        read: dict[str, Any] = {"plate": read_plate, "rollers": lambda count: int(count) if count % 1 == 0 else count}
+        return {name: read.get(name, float)(value) for name, value in vars(self).items() if value is not None}
 
 
 CONSOLE, JOB, OWNING_JOB, ENGINE_JOB = Console(), Job(), OwningJob(), EngineJob()  # without options

@@ -83,8 +83,8 @@ def _with_remedy(error: CycloptsError, arguments: Sequence[str]) -> str:
     if "into float" in said or "into int" in said:
         return f"{said}; give a plain number in SI units, with a decimal point and without a unit"
     named = [name for name in arguments[:1] if name in app]
-    has_remedy = any(words in said for words in ("Did you mean", "Choose from"))
-    return said if has_remedy else f"{said}; `{' '.join(['compact', *named, '--help'])}` lists what it takes"
+    remedy = f"; `{' '.join(['compact', *named, '--help'])}` lists what it takes"
+    return said if "Did you mean" in said or "Choose from" in said else said + remedy
 
 
 if logging.lastResort:  # the handler of warnings to a logger that nobody has configured
@@ -304,8 +304,7 @@ def cam(
     if not law.startswith(("least-", "robust-")):
         require_known("motion law", law, (*LAW_NAMES, *(path.stem for path in given.table_paths)))
     study = Study(given)
-    made = study.stages.laws.cam(law, follower)
-    bore = given.cam.bore if given.cam else None
+    made, bore = study.stages.laws.cam(law, follower), given.cam.bore if given.cam else None
     written = cam_files.write_cam_files(job.place(scene, given, "cams"), made, cutter, tolerance, bore)
     files = "\n".join(f"  {path}" for path in written)
     job.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
@@ -325,8 +324,7 @@ def process(scene: ScenePath, /, *, deep: bool = False, job: OwningJob = OWNING_
     from compact.report.process import process_digest, write_process
 
     given = job.read(scene)
-    stated = given.process and given.process.detail
-    detail = "deep" if deep else stated or "columns"
+    detail = "deep" if deep else (given.process and given.process.detail) or "columns"
     helpers = choose_executor(None if detail == "deep" else 1)
     with job.writing(scene, "process", given) as (directory, progress), helpers:
         study = ProcessStudy(given, detail, progress.report, executor=helpers)
