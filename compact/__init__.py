@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # for type checkers and editors, and the one list of public n
     from compact.machine.drives import Drive as Drive
     from compact.machine.elastic_drive import ElasticDrive as ElasticDrive, ElasticRun as ElasticRun
     from compact.machine.elastic_drive import simulate_elastic as simulate_elastic
-    from compact.machine.shaft import Kloss as Kloss, LinearTorqueCurve as LinearTorqueCurve
+    from compact.machine.shaft import Belt as Belt, Kloss as Kloss, LinearTorqueCurve as LinearTorqueCurve
     from compact.machine.motor_drive import Motor as Motor, MotorRun as MotorRun, simulate_motor as simulate_motor
     from compact.machine.roller_motors import CreepFreeRoller as CreepFreeRoller, DrivenRoller as DrivenRoller
     from compact.machine.roller_motors import RollerMotor as RollerMotor

@@ -197,14 +197,14 @@ class MotorKind(CrankDrive):
     table = (
         "motor",
         "law=name period_s least_speed_rad/s largest_speed_rad/s fluctuation peak_motor_torque_Nm peak_motor_power_W "
-        "work_of_a_cycle_J nonuniformity energy_residual",
+        "work_of_a_cycle_J nonuniformity energy_residual belt_creep belt_loss_J",
     )
     computed = MappingProxyType({"work_of_a_cycle_J": lambda run: float((run.weights * run.motor_power).sum())})
 
     def make(self, scene: Any, cycle: "Cycle") -> Any:
         """Build the motor of a scene."""
         from compact.machine.motor_drive import Motor
-        from compact.machine.shaft import Kloss, LinearTorqueCurve
+        from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 
         linked, motor = self.linkage(scene, cycle), scene.drive.motor
         if any(join.order == 1 for join in cycle.discontinuities()):
@@ -212,7 +212,8 @@ class MotorKind(CrankDrive):
         curve: Kloss | LinearTorqueCurve = LinearTorqueCurve(motor.torque, motor.speed)
         if motor.curve == "kloss":
             curve = Kloss(motor.torque, motor.breakdown_slip, motor.speed)
-        return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles_of(scene), linked)
+        belt = None if motor.belt is None else Belt(**motor.belt.model_dump())
+        return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles_of(scene), linked, belt)
 
     def tables(self, runs: Sequence[Any], count: Callable[[str], None]) -> Iterator[Table]:
         """Yield the start from rest under the first law that the motor drives; none where it does not start."""

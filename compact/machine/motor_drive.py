@@ -5,7 +5,7 @@
 One revolution of the shaft is one cycle of the law, x(phi) = y(T phi/2 pi): a cam, or a crank with its own law. H is
 the drive force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart.balance`). T is the torque of the
 motor over its speed, g the ratio of motor to shaft speed. At a reversal x' = 0, so a jump of friction causes no
-torque.
+torque. Behind a belt the motor is faster than g phi' by the creep under its load T - J_motor g phi''.
 
 The shaft angle is the independent variable (`shaft`). The acceleration phase from rest is solved revolution by
 revolution. Near rest phi' is the square root of the angle, and the elements are graded towards the start. At rest
@@ -22,7 +22,7 @@ import numpy as np
 
 from compact.machine import rigid_drive
 from compact.machine.cart import Cart, Resistance
-from compact.machine.shaft import RIGID, CartsOnShaft, ShaftRevolution, TorqueCurve, solve_shaft_speed
+from compact.machine.shaft import RIGID, Belt, CartsOnShaft, ShaftRevolution, TorqueCurve, solve_shaft_speed
 from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
@@ -41,20 +41,22 @@ ENERGY_TOLERANCE = 1e-9  # [-], of w^2
 
 @dataclass(frozen=True)
 class Motor:
-    """Motor, gear and flywheel.
+    """Motor, gear, flywheel and optional belt.
 
     Parameters
     ----------
     curve : TorqueCurve
         Torque over the speed of the motor.
     gear_ratio : float
-        g, speed of motor over shaft [-].
+        g, speed of motor over shaft [-]; includes the ratio of the pulleys of a belt.
     motor_inertia, flywheel_inertia : float
         Of the rotor, and on the shaft [kg m^2].
     angles : tuple of float
         Lead of each cart over the shaft [rad].
     rod : Rigid or Crank
         Rigid for a cam.
+    belt : Belt, optional
+        Belt between motor and gear.
     """
 
     curve: TorqueCurve
@@ -63,6 +65,7 @@ class Motor:
     flywheel_inertia: float
     angles: tuple[float, ...] = (0.0,)
     rod: rigid_drive.Rigid | rigid_drive.Crank = RIGID
+    belt: Belt | None = None
 
     def __post_init__(self) -> None:
         require_fields(self, positive="gear_ratio", nonnegative="motor_inertia flywheel_inertia", finite="angles")
@@ -74,13 +77,32 @@ class Motor:
         """Inertia J reduced to the shaft [kg m^2]."""
         return self.flywheel_inertia + self.gear_ratio**2 * self.motor_inertia
 
-    def torque(self, speed: Array) -> Array:
-        """Return g T [N m] at speeds of the shaft [rad/s]."""
-        return self.gear_ratio * self.curve.torque(self.gear_ratio * speed)
+    def torque(self, speed: Array, acceleration: Array | float = 0.0) -> Array:
+        """Return g T [N m] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
+        return self.gear_ratio * self.curve.torque(self.motor_speed(speed, acceleration))
+
+    def motor_speed(self, speed: Array, acceleration: Array | float = 0.0) -> Array:
+        """Return the speed of the motor [rad/s] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
+        geared = self.gear_ratio * speed
+        if self.belt is None:
+            return geared
+        return self.belt.motor_speed(lambda w: self.curve.torque(w) - self._rotor_torque(acceleration), geared)
+
+    def power(self, speed: Array, acceleration: Array) -> Array:
+        """Return the power T w of the motor [W] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
+        return self.torque(speed, acceleration) / self.gear_ratio * self.motor_speed(speed, acceleration)
+
+    def belt_torque(self, speed: Array, acceleration: Array) -> Array:
+        """Return the torque on the belt, or on the gear without one [N m]."""
+        return self.torque(speed, acceleration) / self.gear_ratio - self._rotor_torque(acceleration)
+
+    def _rotor_torque(self, acceleration):
+        """Torque that accelerates the rotor [N m]."""
+        return self.motor_inertia * self.gear_ratio * acceleration
 
     def residual(self, load: CartsOnShaft, angle: Array, energy: Array, acceleration: Array) -> Array:
         """Return the residual torque J phi'' + sum of H x' - g T [N m] of carts on the shaft."""
-        driving = self.torque(np.sqrt(2 * energy))
+        driving = self.torque(np.sqrt(2 * energy), acceleration)
         return self.inertia * acceleration + load.torque(angle, energy, acceleration) - driving
 
     def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "MotorRun":
@@ -121,7 +143,7 @@ def simulate_motor(
     ValueError
         If the velocity of the law jumps, or the resistance does not oppose the motion.
     RuntimeError
-        If the motor stalls, or the solution does not converge.
+        If the motor stalls, the belt slips, or the solution does not converge.
     """
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     if any(join.order == 1 for join in cycle.discontinuities()):
@@ -137,7 +159,9 @@ def simulate_motor(
     speed = _first_guess(motor, load) if start_speed is None else start_speed
     residual = partial(motor.residual, load)
     revolution = solve_shaft_speed(residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
-    return MotorRun(cart, cycle, resistance, working, motor, revolution)
+    run = MotorRun(cart, cycle, resistance, working, motor, revolution)
+    run.require_no_slip()
+    return run
 
 
 def _first_guess(motor: Motor, load: CartsOnShaft) -> float:
@@ -204,14 +228,24 @@ class MotorRun(rigid_drive.Run):
         return math.sqrt(2 * self.revolution.energy_range[1])
 
     @property
+    def _of_shaft(self):
+        """Speed and acceleration of the shaft."""
+        return self.speed, self.revolution.acceleration.ravel()
+
+    @property
     def motor_torque(self) -> Array:
         """Torque g T of the motor on the shaft [N m]."""
-        return self.drive.torque(self.speed)
+        return self.drive.torque(*self._of_shaft)
 
     @property
     def motor_power(self) -> Array:
-        """Power of the motor [W]."""
-        return self.motor_torque * self.speed
+        """Power T w of the motor [W]."""
+        return self.drive.power(*self._of_shaft)
+
+    @property
+    def belt_torque(self) -> Array:
+        """Torque on the motor pulley [N m]."""
+        return self.drive.belt_torque(*self._of_shaft)
 
     @cached_property
     def shaft_torque(self) -> Array:
@@ -228,18 +262,45 @@ class MotorRun(rigid_drive.Run):
         evaluate, grid = self.revolution.evaluate, interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
         return find_maximum(lambda angle: np.abs(quantity(angle, *evaluate(angle))), grid)[0]
 
+    def _largest_of_motor(self, quantity: Callable[..., Array]) -> float:
+        """Largest |quantity(speed, acceleration)| of the shaft."""
+        return self._largest_of_shaft(lambda _, energy, acceleration, __: quantity(np.sqrt(2 * energy), acceleration))
+
     @cached_property
     def peak_motor_torque(self) -> float:
         """Largest |T| of the motor [N m]."""
-        return (
-            self._largest_of_shaft(lambda _, energy, *__: self.drive.torque(np.sqrt(2 * energy)))
-            / self.drive.gear_ratio
-        )
+        return self._largest_of_motor(self.drive.torque) / self.drive.gear_ratio
 
     @cached_property
     def peak_motor_power(self) -> float:
-        """Largest power of the motor [W]."""
-        return self._largest_of_shaft(lambda _, energy, *__: self.drive.torque(w := np.sqrt(2 * energy)) * w)
+        """Largest |T w| of the motor [W]."""
+        return self._largest_of_motor(self.drive.power)
+
+    @cached_property
+    def peak_belt_torque(self) -> float:
+        """Largest torque on the motor pulley, or on the gear without a belt [N m]."""
+        return self._largest_of_motor(self.drive.belt_torque)
+
+    @property
+    def belt_creep(self) -> float:
+        """Largest |creep| of the belt [-]; 0 without one."""
+        belt = self.drive.belt
+        return 0.0 if belt is None else self.peak_belt_torque / belt.creep_torque
+
+    @property
+    def belt_loss(self) -> float:
+        """Energy lost between motor and shaft over the revolution [J]."""
+        return float(np.sum(self.weights * (self.motor_power - self.motor_torque * self.speed)))
+
+    def require_no_slip(self) -> None:
+        """Require a belt torque within the slip limit."""
+        belt = self.drive.belt
+        if belt is not None and (torque := self.peak_belt_torque) > belt.slip_torque:
+            raise RuntimeError(
+                f"the belt slips under '{self.name}': {torque:.4g} N m on the motor pulley, its limit is "
+                f"{belt.slip_torque:.4g} N m; use a preload of at least {belt.required_preload(torque):.4g} N, or more "
+                "wrap"
+            )
 
     @property
     def fluctuation(self) -> float:
@@ -308,7 +369,7 @@ def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_
     Raises
     ------
     RuntimeError
-        If the motor does not start or stalls, or `MAX_REVOLUTIONS` do not suffice.
+        If the motor does not start or stalls, the belt slips, or `MAX_REVOLUTIONS` do not suffice.
     """
     require_positive(tolerance=tolerance)
     motor, load, target, breaks = periodic.drive, periodic.load, periodic.speed[0], periodic.load.breaks()
@@ -321,6 +382,7 @@ def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_
                 partial(motor.residual, load), section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False
             )
             run = replace(periodic, revolution=solution)
+            run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
             parts.append((parts[-1][0][-1] + run.time, 2 * np.pi * revolution + run.angle, run.speed))
         if abs(run.speed[-1] - target) <= tolerance * target:

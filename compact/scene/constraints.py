@@ -186,6 +186,7 @@ LIMITS = (  # key, relation, limit as a formula of other keys, remedy
     ("motion.energy_weight", "at most", "1 - motion.acceleration_weight", "the rest up to 1 is the weight of jerk"),
     ("motion.rod_length", "above", "motion.stroke / 2", "give a longer rod"),
     ("drive.end_springs.length", "at most", "motion.stroke / 2", "give shorter springs"),
+    ("drive.motor.belt.stiffness", "at least", "20 * drive.motor.belt.preload", "the belt may stretch by 5 % at most"),
     ("cam.breadth", "above", "motion.stroke", "give a broader cam"),
     ("process.mould_speed", "equal to", "product.mould_speed", "take product.mould_speed out"),
     (

@@ -79,6 +79,7 @@ SLEEVES, BEARINGS = "sleeves of feeders", "rolling bearings of wheels and roller
 PRODUCTS = "precast products"
 PART_OF_PRODUCT, PART_OF_ROLLER = "a part of the product", "a part of the roller"
 STROKES = "strokes of forming machines"
+BELTS = "flat belts and V-belts"
 OILS, SPRINGS = "industrial hydraulics", "springs and bumpers"
 MOTIONS, DRIVES, CAMS = "motions of machines", "drives of machines", "cams of machines"
 ARMS = "0.0005 m for steel on steel, some millimetres for rubber"
@@ -359,6 +360,16 @@ class Motion(Table):
     optimise: Optimise | None = None
 
 
+class BeltTable(Table):
+    """The flat belt between a motor and the gear of its shaft."""
+
+    pulley_radius: float = positive("the radius of the motor's pulley [m]", 0.01, 2, "pulleys")
+    stiffness: float = positive("the force [N] that would stretch the belt by its length, E A", 1e3, 1e8, BELTS)
+    preload: float = positive("the tension of both runs at rest [N]", 1, 1e6, BELTS)
+    friction: float = positive("the friction of belt on pulley, of a V-belt that of the wedge", 0.05, 2, BELTS, le=2)
+    wrap: float = positive("the angle of wrap of the smaller pulley [rad]", 0.2, 6.3, BELTS, lt=6.283)
+
+
 class Motor(Table):
     """Motor, gear and flywheel of a drive; one turn of the shaft is one cycle."""
 
@@ -367,8 +378,9 @@ class Motor(Table):
     speed: float = positive("the synchronous speed (kloss) or that without load (linear) [rad/s]", 1, 2000, DRIVES)
     breakdown_slip: Maybe = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, le=1)
     inertia: float = nonnegative("the inertia of the rotor [kg m2]", 1e-6, 1e3, DRIVES)
-    gear_ratio: float = positive("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES)
+    gear_ratio: float = positive("the speed of the motor over that of the shaft, belt included", 0.01, 1e4, DRIVES)
     flywheel_inertia: float = nonnegative("the inertia of flywheel and shaft [kg m2]", 1e-5, 1e5, DRIVES)
+    belt: BeltTable | None = None
 
 
 class Hydraulics(Table):

@@ -1,4 +1,4 @@
-"""Refusals of the machine: carts, drives, motors, rollers, bearings, rankings."""
+"""Refusals of the machine: carts, drives, motors, belts, rollers, bearings, rankings."""
 
 import math
 from dataclasses import replace
@@ -17,9 +17,10 @@ from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import DrivenRoller, pull_range
-from compact.machine.shaft import Kloss, LinearTorqueCurve
+from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.resistance import ResistanceMap
 
+BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
 CRANK = Crank(0.2, 0.8)
 MOTOR = CatalogueMotor("small", 5.0, 15.0, 150.0, 0.001, 300.0)
 DRIVES = {
@@ -73,6 +74,7 @@ VALUES = [
     (lambda: replace(CART, mass=-1.0), "`mass` must be zero or positive, and finite, got -1.0"),
     (lambda: replace(CART, roller_positions=(0.0,)), "`roller_reactions` must be one per roller, got 2 for 1 positi"),
     (lambda: replace(CART, guide_positions=(0.1, 0.1)), r"`guide_positions` must be \(front, rear\) with front > rear"),
+    (lambda: replace(BELT, stiffness=5e3), r"`stiffness` 5000 N is too low for .* creep by 0.11 before"),
     (lambda: EndSprings(1.0, 0.0, 0.3, stroke=0.4), r"`length` must be at most half the stroke, 0\.2 m, got 0\.3"),
     (lambda: Crank(0.2, 0.2), r"`rod_length` must exceed the crank radius 0\.2 m, got 0\.2"),
     (lambda: elastic(cart=replace(CART, mass=0.0)), "`mass` must be positive"),
@@ -134,6 +136,13 @@ FAILURES = [
             cart=CART_OF_C, angles=(np.pi / 2,), simulate=accelerate,
         ),
         r"the motor does not start: it delivers .* N m on the shaft at rest",
+    ),
+    (  # 80 N m at rest, slip limit 54 N m
+        lambda: on_motor(
+            LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0,
+            name="quintic", simulate=accelerate, belt=BELT,
+        ),
+        "the belt slips",
     ),
     (
         lambda: pull_range(

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 HUGE = 10**400
+BELT = {"pulley_radius": 0.1, "stiffness": 9000.0, "preload": 500.0, "friction": 0.4, "wrap": 3.0}
 MOTOR = {
     "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0, "inertia": 0.01,
     "flywheel_inertia": 50.0,
@@ -92,6 +93,7 @@ RULES = [  # between the keys
     ({"drive.kind": "motor"}, 'drive.motor: is missing, and drive.kind is "motor"; give the table with curve, gear an'),
     (table("drive.motor", MOTOR), 'drive.motor: is for drive.kind = "motor", got it with "rigid"; take it out, or cho'),
     (table("drive.motor", MOTOR, curve="linear"), 'drive.motor.breakdown_slip: is for drive.motor.curve = "kloss", go'),
+    (table("drive.motor", MOTOR, belt=BELT), "drive.motor.belt.stiffness: must be at least 20 * drive.motor.belt.prel"),
     (table("drive.end_springs", SPRINGS), "drive.end_springs.length: must be at most motion.stroke / 2 = 0.2 m, got 0"),
     ({"drive.angles": [0, 1.57]}, "drive.angles: needs one entry for each of drive.carts = 1, got 2; make the two agr"),
     ({"cam": None}, 'cam: the table [cam] is missing, and output.items holds "cams"; give it, or take "cams" out'),

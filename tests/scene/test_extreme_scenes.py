@@ -53,10 +53,12 @@ DRIVES: dict[str, dict[str, Any]] = {  # complete tables, whose numbers a case t
     },
     "optimise": {"motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}},
 }  # fmt: skip
+BELT = {"pulley_radius": 0.1, "stiffness": 1e5, "preload": 1e3, "friction": 0.5, "wrap": 3.0}
 LIMITS = {"velocity": 0.4, "acceleration": 0.9, "jerk": 6.0, "snap": 60.0, "steady_tolerance": 0.5}
 CAM_LIMITS = {"pressure_angle": 0.8, "radius_of_curvature": 0.05}
 BEARING = {"dynamic_rating": 1e4, "kind": "ball", "count": 2}
 TABLES: dict[str, dict[str, Any]] = DRIVES | {  # with the optional keys and tables of the other parts of a scene
+    "belt": DRIVES["motor"] | {"drive.motor.belt": BELT},
     "catalogue": {"drive.catalogue": {"file": "motors.csv", "margin": 1.5, "efficiency": 0.9, "gear_ratio": 60.0,
                                       "inertia_ratio": 10.0}},
     "bearings": {"machine.guide_bearing": BEARING, "machine.roller_bearing": BEARING},
