@@ -28,7 +28,7 @@ Function = Callable[[Array], Array]
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
 ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
-ROOT_ITERATIONS = 60  # [-], of the Illinois method; 4 to 8 reach rounding from a graded grid
+ROOT_ITERATIONS = 16  # [-], of the Illinois method from a graded grid; more would follow the rounding of a flat root
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
 DEGREE = 8  # [-], of the polynomial on each piece
@@ -84,27 +84,27 @@ def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
 
 def find_roots(function: Function, breaks: Array) -> Array:
     """Find the roots at which a function changes its sign between breaks, ascending."""
-    return find_sign_changes(lambda abscissa, _: function(abscissa), 1, graded_grid(breaks))
+    return find_sign_changes(lambda abscissa, _: function(abscissa), 1, graded_grid(breaks), 4 * ROOT_ITERATIONS)
 
 
-def find_sign_changes(function: Callable[[Array, IntArray], Array], count: int, grid: Array) -> Array:
+def find_sign_changes(
+    function: Callable[[Array, IntArray], Array], count: int, grid: Array, iterations: int = ROOT_ITERATIONS
+) -> Array:
     """Find where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
     values = np.broadcast_to(function(grid, np.arange(count)[:, None]), (count, len(grid)))
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
-    at_low, at_high, place, upper = values[rows, columns], values[rows, columns + 1], low, None
-    for _ in range(ROOT_ITERATIONS if rows.size else 0):
+    at_low, at_high, nearest, least = values[rows, columns], values[rows, columns + 1], low, np.full(low.shape, np.inf)
+    for _ in range(iterations if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
-            secant = high - at_high * (high - low) / (at_high - at_low)
-        before, place = place, np.where((secant >= low) & (secant <= high), secant, (low + high) / 2)
-        if np.abs(place - before).max() <= BREAK_OFFSET * (grid[-1] - grid[0]):
-            break
+            place = high - at_high * (high - low) / (at_high - at_low)
+        place = np.where((place > low) & (place < high), place, (low + high) / 2)
         here = function(place, rows)
-        last, upper = upper, (here < 0) == (at_high < 0)
-        share = np.where(upper == last, 0.5, 1.0)  # of the value at an end that stays twice
-        low, at_low = np.where(upper, low, place), np.where(upper, share * at_low, here)
-        high, at_high = np.where(upper, place, high), np.where(upper, here, share * at_high)
-    return place
+        nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
+        upper = (here < 0) == (at_high < 0)
+        low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
+        high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
+    return nearest
 
 
 def integrate(function: Function, breaks: ArrayLike) -> float:

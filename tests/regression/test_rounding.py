@@ -93,8 +93,6 @@ def test_rounding_of_an_input_changes_no_decision(name, key, sign, unchanged, tm
         for key in ("second_pass_load", "second_pass_resistance"):
             now, before = (each.pop(key)["value"] for each in passes)
             assert now == pytest.approx(before, rel=ROLLING_TOLERANCE)
-        now, before = (each["energy"].pop("compacted")["value"] for each in passes)  # of a cycle with that pass
-        assert now == pytest.approx(before, rel=ROLLING_TOLERANCE)
         sizing = [each[0].pop("machine_sizing") for each in (found, expected)]  # its load cycles contain that pass
         assert list(different(*sizing, relative=ROLLING_TOLERANCE)) == []
         for contact in (*found[0]["contacts"], *expected[0]["contacts"]):  # what the last iteration leaves
