@@ -89,6 +89,11 @@ class EndSprings:
         compression = self.length - np.where(side > 0, position, self.stroke - position)
         return side * (self.preload + self.stiffness * compression)
 
+    def energy(self, position: ArrayLike) -> Array:
+        """Energy of both springs [J] relative to their preloaded state."""
+        compression = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
+        return self.preload * compression + self.stiffness / 2 * compression**2
+
     def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
         """Find the zones of a motion given by its position [m] over a coordinate, smooth between ascending breaks."""
         plates = np.array([self.length, self.stroke - self.length])

@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from compact.machine.rigid_drive import Crank, Rigid
     from compact.motion.profile import Cycle
 
-FACTOR = 3.0  # [-], of a stiffness that is assumed, in either direction
+FACTOR = 3.0  # [-], of stiffness and bulk modulus that are assumed, in either direction
 INERTIA_FACTOR = 1.5  # [-], of the inertia at the shaft, in either direction
 DAMPING_RATIOS = (0.02, 0.2)  # [-], of a cart on a spring
 PEAK_TOLERANCE = 1e-4  # [-], of the forces behind a spring; peaks of 63 cycles change by up to 2e-5, in half the time
 OVERSHOOT = 2.0  # [-], largest speed of a cart over that of its law, where it deviates from the law
+STROKE_TOLERANCE = 1e-6  # [-], relative; strokes with compressible oil, of which a ranking needs dozens
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 Table = tuple[str, str, Sequence[Any]]  # file without ending, columns, and their values
@@ -57,7 +58,7 @@ class Variant(NamedTuple):
 
 
 STIFFNESS, DAMPING = "stiffness of the drive", "damping of the drive"
-INERTIA, MASS = "inertia of the motor", "mass of the cart"
+INERTIA, OIL, MASS = "inertia of the motor", "bulk modulus of the oil", "mass of the cart"
 EDGE = "sleeve distance"
 
 
@@ -80,6 +81,8 @@ class Drive:
         Largest speed of the cart over that of its law [-]; 1 for a cart that follows it.
     driven_end : bool
         True if a driven end follows the law in place of the cart, whose run has a rigid twin, `rigid`.
+    realises : bool
+        True if a change of the drive is felt in `realised_peaks` alone.
     table : tuple of str
         File and columns of the table of its runs, as of a `TableSpec`; none by default.
     computed : mapping
@@ -93,6 +96,7 @@ class Drive:
     sets_duration = False
     overshoot = 1.0
     driven_end = False
+    realises = False
     table: tuple[str, str] | None = None
     computed: Mapping[str, Callable[[Any], float]] = NONE
 
@@ -126,6 +130,10 @@ class Drive:
     def variants(self, scene: Any) -> Iterator[Variant]:
         """Yield changes of its keys within what is known of them, see `Scene.stated_spread`."""
         yield from ()
+
+    def realised_peaks(self, run: Any) -> dict[str, float]:
+        """Return peaks by criterion of what the drive makes of its run; empty where it cannot follow."""
+        return {}
 
 
 class CrankDrive(Drive):
@@ -242,7 +250,7 @@ class MotorKind(CrankDrive):
 class HydraulicKind(Drive):
     """Two cylinders and their throttle valves."""
 
-    name = "hydraulic"
+    name, realises = "hydraulic", True
     keys = MappingProxyType({"drive.hydraulics": "the table with cylinders, pump and oil"})
     refused = MappingProxyType({"drive.catalogue": "has no shaft that a motor turns"})
     table = (
@@ -264,11 +272,36 @@ class HydraulicKind(Drive):
         return Hydraulic(**scene.drive.hydraulics.model_dump())
 
     def tables(self, runs: Sequence[Any], count: Callable[[str], None]) -> Iterator[Table]:
-        """Yield the throttles of every law."""
+        """Yield the throttles of every law, and the stroke with compressible oil under the first that they realise."""
         names = "time_s position_m velocity_m/s flow_m3/s inlet_pressure_Pa outlet_pressure_Pa inlet_area_m2 "
         for run in runs:
             values = (run.time, *run.state[:2], *vars(run.valve_flow).values())
             yield f"throttles/{run.name}", f"{names} outlet_area_m2", values
+        run = next((run for run in runs if not run.lack), None)
+        if run is not None:
+            count("passage")
+            made = run.simulate_stroke()
+            law = run.cycle.forward.position(made.time)
+            names = "time_s position_m velocity_m/s law_position_m inlet_pressure_Pa outlet_pressure_Pa"
+            values = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
+            yield f"passage-{run.name}", names, values
+
+    def variants(self, scene: Any) -> Iterator[Variant]:
+        """Yield the bulk modulus of the oil times and over 3, in strokes with compressible oil."""
+        keys = {"drive.hydraulics.bulk_modulus": scene.drive.hydraulics.bulk_modulus}
+        yield from both_ways(scene, "bulk modulus", FACTOR, keys, OIL)
+
+    def realised_peaks(self, run: Any) -> dict[str, float]:
+        """Return the peaks of the forward stroke with compressible oil, which takes about a second.
+
+        The valve areas are those that realise the law with an incompressible oil.
+        """
+        try:
+            stroke = run.simulate_stroke(rtol=STROKE_TOLERANCE)
+        except RuntimeError:
+            return {}
+        force = abs(run.drive.piston_area * (stroke.inlet_pressure - stroke.outlet_pressure))
+        return {"peak_force": float(force.max()), "peak_power": float((force * abs(stroke.velocity)).max())}
 
 
 DRIVES = Registry(Drive, "compact.drives", (Drive(), CrankDrive(), ElasticKind(), MotorKind(), HydraulicKind()))

@@ -23,6 +23,7 @@ from compact.material.mix import prior, scaled_fits
 from compact.scene.errors import Key, Mistake, Source
 from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT, unit_of
 
+OIL_SHARE = 0.02  # [-], of the stroke, by which oil may yield; a cart overshoots its stroke by up to half of this
 STATIC_SLOPES = 0.4e-6, 1.5e-6, 5e-6  # [1/Pa], assumed: gyratory compactors before the first turn, to the prior's share
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
 
@@ -504,6 +505,22 @@ def _weight_is_of_the_mass(weight, mass, unusual):
 def _weight_suits_the_mass(weight, mass):
     if not 9.5 <= weight / mass <= 10.5:
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
+
+
+@rule(
+    "drive.hydraulics.bulk_modulus", "drive.hydraulics.supply_pressure", "drive.hydraulics.piston_area",
+    "drive.hydraulics.dead_volume", "motion.stroke", into=ADVICE,
+)  # fmt: skip
+def _oil_is_stiff(modulus, pressure, area, volume, stroke):
+    if modulus is None:
+        return None
+    yielding = pressure * (volume + area * stroke / 2) / (2 * modulus * area)  # of both columns, the cart in the middle
+    if yielding > OIL_SHARE * stroke:
+        return (
+            f"under the supply pressure the oil yields by {yielding:.3g} m, more than {OIL_SHARE:.0%} of the stroke: "
+            "the cart leaves its law, and may stop and start near rest; a larger bulk_modulus or piston_area, or a "
+            "smaller dead_volume, makes the oil stiffer"
+        )
 
 
 @rule("machine.roller_condition", "machine.roller_torque", "accuracy.engine", into=ADVICE)

@@ -393,6 +393,8 @@ class Hydraulics(Table):
     discharge_coefficient: float = positive("the discharge coefficient of the throttles", 0.1, 1, OILS, le=1)
     oil_density: float = positive("the density of the oil [kg/m3]", 500, 2000, "oils, water and glycols")
     transition_drop: float = positive("the drop of pressure [Pa] below which a throttle is laminar", 1, 1e6, OILS)
+    bulk_modulus: float = positive("the bulk modulus of the oil [Pa]", 1e8, 5e9, "oil with its air")
+    dead_volume: float = positive("the volume of a cylinder with its line at its end, [m3]", 1e-7, 0.1, OILS)
 
 
 class EndSpringTable(Table):

@@ -92,7 +92,7 @@ def test_spring_adds_its_oscillation_to_the_torque():
 
 
 def test_drive_without_a_shaft_or_a_torque_has_no_motor():
-    numbers = (1e-3, 8e6, 5e-4, 2e-5, 0.62, 870.0, 1e3)
+    numbers = (1e-3, 8e6, 5e-4, 2e-5, 0.62, 870.0, 1e3, 1.4e9, 1e-4)
     oil = dict(zip(Hydraulics.model_fields, numbers, strict=True))
     found = sizing(**BEARINGS, **{"drive.kind": "hydraulic", "drive.hydraulics": oil})
     assert (found.first, found.laws, sentence(found), len(found.wheels)) == (None, {}, "", 4)

@@ -173,7 +173,7 @@ MOTOR = {
 }  # fmt: skip
 HYDRAULICS = {
     "piston_area": 2e-3, "supply_pressure": 12e6, "pump_flow": 2.5e-3, "valve_area": 1e-4, "discharge_coefficient": 0.7,
-    "oil_density": 870.0, "transition_drop": 1e5,
+    "oil_density": 870.0, "transition_drop": 1e5, "bulk_modulus": 1.4e9, "dead_volume": 2e-4,
 }  # fmt: skip
 NO_SPRING = FORMULA | {"drive.stiffness": None, "drive.damping": None}
 OTHER_DRIVES = {
@@ -221,21 +221,27 @@ def test_measured_drive_and_cart_vary_by_what_their_comments_state(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "words", "values"),
-    [("motor", ["inertia ÷ 1.5", "inertia × 1.5"], [1 / 1.5, 1.5]), ("hydraulic", [], []), ("rigid", [], [])],
+    [
+        ("motor", ["inertia ÷ 1.5", "inertia × 1.5"], [1 / 1.5, 1.5]),
+        ("hydraulic", ["bulk modulus ÷ 3", "bulk modulus × 3"], [1.4e9 / 3, 4.2e9]),
+        ("rigid", [], []),
+    ],
 )
-def test_inertia_of_the_motor_varies(kind, words, values):
+def test_motor_and_oil_vary(kind, words, values):
     found = drive_variants(load_scene("loveikin-2015-engines", **NO_SPRING, **OTHER_DRIVES[kind]))
     assert [each.label for each in found] == words
-    assert [each.keys["drive.motor.flywheel_inertia"] for each in found] == pytest.approx(values)
+    key = {"motor": "drive.motor.flywheel_inertia", "hydraulic": "drive.hydraulics.bulk_modulus"}.get(kind)
+    assert [each.keys[key] for each in found] == pytest.approx(values)
 
 
 @pytest.mark.slow
-def test_peaks_change_with_the_inertia():
+@pytest.mark.parametrize(("kind", "least"), [("motor", 1e-9), ("hydraulic", 1e-6)])
+def test_peaks_change_with_inertia_and_oil(kind, least):
     """A stiff motor hardly feels its inertia: the peak power changes by some 1e-9."""
     laws = {"motion.laws": ["cubic", "parabolic"], "motion.duration": 3.0, "output.items": ["report"]}
-    known = Study(load_scene("loveikin-2015-engines", **NO_SPRING | OTHER_DRIVES["motor"] | laws)).uncertainty
+    known = Study(load_scene("loveikin-2015-engines", **NO_SPRING | OTHER_DRIVES[kind] | laws)).uncertainty
     low, high = known.source(DRIVE).changes(known.laws["peak_power"], "peak_power")
-    assert 1e-9 < max(abs(low), abs(high)) < 0.2
+    assert least < max(abs(low), abs(high)) < 0.2
 
 
 def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):

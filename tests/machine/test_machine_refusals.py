@@ -13,11 +13,12 @@ from compact.machine.cart import EndSprings, balance
 from compact.machine.component_sizing import Bearing, CatalogueMotor
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.machine.hydraulic_drive import Hydraulic
+from compact.machine.hydraulic_drive import Hydraulic, simulate_stroke
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import DrivenRoller, pull_range
 from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
+from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import ResistanceMap
 
 BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
@@ -27,7 +28,7 @@ DRIVES = {
     "rigid": Rigid(),
     "elastic": ElasticDrive(1e6, 3e3),
     "motor": Motor(LinearTorqueCurve(60.0, 20.0), 15.0, 0.01, 10.0),
-    "hydraulic": Hydraulic(2e-3, 6.3e6, 1.2e-3, 8e-5, 0.62, 870.0, 2e4),
+    "hydraulic": Hydraulic(2e-3, 6.3e6, 1.2e-3, 8e-5, 0.62, 870.0, 2e4, 1.4e9, 4e-4),
 }
 DAMPED = ElasticDrive(1e6, 0.2 * math.sqrt(1e6 * CART.mass))
 
@@ -42,6 +43,11 @@ def on_motor(*numbers, name="cubic", cart=CART, angles=(0.0,), simulate=simulate
 
 def accelerate(*arguments):
     return simulate_acceleration_phase(simulate_motor(*arguments))
+
+
+def stroke(resistance):
+    areas = (PiecewisePolynomial(np.array([0.0, 2.0]), np.array([[area]])) for area in (1e-6, 2e-5))
+    return simulate_stroke(CART, HYDRAULIC, 0.4, tuple(areas), resistance)
 
 
 def driven_roller(**changes):
@@ -144,6 +150,7 @@ FAILURES = [
         ),
         "the belt slips",
     ),
+    (lambda: stroke(lambda v, a: dry(v) - 2e3 * a + 1e6 * a**3), "no acceleration balances"),
     (
         lambda: pull_range(
             InverseDynamics(

@@ -153,6 +153,15 @@ def test_crankshaft_has_the_resistance_of_its_carts():
     assert np.sum(shaft.weights * shaft.torque) == pytest.approx(2 * alone.energy, rel=1e-6)
 
 
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("name", ["wave", "table"])
+def test_hydraulic_stroke_follows_the_law(name):
+    run = simulate(CART_OF_C, HYDRAULIC, published_law("quintic"), CASES[name][0])
+    stroke = run.simulate_stroke()
+    assert np.abs(stroke.position - published_law("quintic").position(stroke.time)).max() < 2e-3 * STROKE
+    assert stroke.energy_residual < 1e-6
+
+
 # independent solutions
 
 

@@ -33,7 +33,7 @@ KLOSS = {
 }  # fmt: skip
 HYDRAULICS = {
     "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
-    "oil_density": 870.0, "transition_drop": 1e3,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
 }  # fmt: skip
 SCENES = {
     "formula": {"output.items": ["tables", "cams", "reactions", "crank"]},

@@ -48,7 +48,8 @@ DRIVES: dict[str, dict[str, Any]] = {  # complete tables, whose numbers a case t
         "drive.kind": "hydraulic",
         "drive.hydraulics": {
             "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5,
-            "discharge_coefficient": 0.62, "oil_density": 870.0, "transition_drop": 1e3,
+            "discharge_coefficient": 0.62, "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9,
+            "dead_volume": 1e-4,
         },
     },
     "optimise": {"motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}},

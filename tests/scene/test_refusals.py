@@ -143,6 +143,16 @@ def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
     assert scene.replaced(**{"mix.overrides.heckel_slope": 2e-4}).advice == ()
 
 
+@pytest.mark.parametrize(("modulus", "told"), [(2e8, False), (1e8, True)])
+def test_soft_oil_is_told_beforehand(modulus, told):
+    """8 MPa x 3e-4 m3/(2 K 1e-3 m2) of 0.4 m: 3 % at 100 MPa, 1.5 % at 200 MPa."""
+    oil = refusals.HYDRAULICS | {"bulk_modulus": modulus}
+    scene = load_scene("small", **{"drive.kind": "hydraulic", "drive.hydraulics": oil})
+    found = [sentence for sentence in scene.advice if "the oil yields by" in sentence]
+    assert len(found) == told
+    assert all(f"by {8e6 * 3e-4 / (2e-3 * modulus):.3g} m" in sentence for sentence in found)
+
+
 # ---- Wrong inputs of a new user: each is answered in one sentence with its place and a remedy, and exit code 2
 
 

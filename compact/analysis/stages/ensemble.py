@@ -331,8 +331,12 @@ def drive_peaks(
     """
     cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
     laws = cycles.get(change.label, cycles[""])
-    make = DRIVES[scene.drive.kind].make_for_peaks
-    runs = dict(simulate_laws(scene, cart, laws, change.resistance or resistance, UNFOLLOWED, make=make))
+    drive = DRIVES[scene.drive.kind]
+    met = change.resistance or resistance
+    runs = dict(simulate_laws(scene, cart, laws, met, UNFOLLOWED, make=drive.make_for_peaks))
+    if drive.realises and change.keys:
+        made = {name: drive.realised_peaks(run) for name, run in runs.items()}
+        return {by: {name: peaks[by] for name, peaks in made.items() if by in peaks} for by in criteria}
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 

@@ -60,6 +60,7 @@ SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law 
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
 FAR_SHARE = 3.0  # [-], of the least peak; velocity jumps beyond it are not first at a third of the stiffness
+OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
@@ -261,7 +262,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
-    followed |= dict.fromkeys(by_drive, cycles)
+    followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
     pooled = PooledLaws(cycles, near(FAR_SHARE))
     for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
         followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
