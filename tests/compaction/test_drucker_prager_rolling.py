@@ -37,8 +37,8 @@ def marched(mix, increments, travel, height=None):
 
 @pytest.fixture(scope="module")
 def loose():
-    """Mix fed at 0.90 after 0.5 m."""
-    return marched(law(), 4, 0.5)
+    """Mix fed at 0.90 after 0.8 m."""
+    return marched(law(), 4, 0.8)
 
 
 @pytest.mark.slow

@@ -14,8 +14,8 @@ Interpolated density would lose mass. The density ratio at rest therefore follow
 
     k J exp(p/K) = k_in exp(p_in/K),
 
-where J is the volume ratio of the deformation; increments conserve the left side. The densest state of mix that has
-loosened since is its strength, not a volume, and is interpolated; else it is the density ratio.
+where J is the volume ratio of the deformation; increments conserve the left side. The densest state is scaled likewise,
+but that of mix that has loosened since, which is a strength by now and no volume, is interpolated.
 """
 
 from dataclasses import replace
@@ -50,6 +50,7 @@ UNIFORM_AHEAD, UNIFORM_BEHIND = 2.0, 1.2  # [-], uniform zone over the contact l
 EXIT_DISTANCE = 0.3  # [-], distance of the exit column behind the uniform zone over the layer height
 UNIFORM_REAR = 1.0  # [-], distance behind the exit column over the layer height from which mix may be made uniform
 REPOSE_SLOPE = 0.7  # [-], of laid mix towards the track, tan 35 degrees
+LOOSENED = 1e-3  # [-], densest state over the density ratio less 1 of loosened mix; as large as resets of the density
 SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equal
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
@@ -224,10 +225,10 @@ class RollerFrame:
 
     def of_volume(self, state: SolidState) -> SolidState:
         """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
-        points = state.points
-        ratio = points.density_ratio / (1 + self.mass_residuals(state))
-        loosened = points.max_density_ratio > points.density_ratio
-        densest = np.where(loosened, np.maximum(points.max_density_ratio, ratio), ratio)
+        points, factor = state.points, 1 / (1 + self.mass_residuals(state))
+        ratio, densest = points.density_ratio * factor, points.max_density_ratio
+        loosened = np.minimum((densest / points.density_ratio - 1) / LOOSENED, 1.0)
+        densest = np.maximum(densest * factor ** (1 - loosened), ratio)
         return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
 
     def mass_residuals(self, state: SolidState) -> FloatArray:
