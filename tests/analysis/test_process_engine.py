@@ -278,7 +278,9 @@ BEYOND = (0.027, 60.0), (0.0105, 45.0)  # 27 mm a stroke, where the sleeves of t
 
 
 def plants_row(scene, place):
-    return StrokeRow(*place, *reached_by(ProcessStudy(scene.replaced(**StrokeRow(*place).changes(0.0)))))
+    return StrokeRow(
+        *place, *reached_by(ProcessStudy(scene.replaced(**StrokeRow(*place, density_ratio=0.9).changes(0.0))))
+    )
 
 
 @pytest.mark.slow
@@ -301,7 +303,7 @@ def test_five_rows_of_a_plant_calibrate_the_window():
     for place, words in zip(
         BEYOND, ("stroke 0.027 m in place of 0.0116 to 0.022 m", "minute 45 in place of 50 to 90"), strict=True
     ):
-        study = ProcessStudy(found.scene.replaced(**StrokeRow(*place).changes(0.0)))
+        study = ProcessStudy(found.scene.replaced(**StrokeRow(*place, density_ratio=0.9).changes(0.0)))
         assert "rows" in limits_met(study)
         assert any(words in remark for remark in sentences("process_remarks", study))
     fast = plants_row(plant, BEYOND[0])  # told, and wrong: no row meets the limit of the sleeves

@@ -15,7 +15,8 @@ Interpolated density would lose mass. The density ratio at rest therefore follow
     k J exp(p/K) = k_in exp(p_in/K),
 
 where J is the volume ratio of the deformation; increments conserve the left side. The densest state is scaled likewise,
-but that of mix that has loosened since, which is a strength by now and no volume, is interpolated.
+but that of mix that was fed loosened, a strength and no volume, is interpolated. A layer that has loosened behind the
+roller has that of the uniform zone.
 """
 
 from dataclasses import replace
@@ -225,10 +226,10 @@ class RollerFrame:
 
     def of_volume(self, state: SolidState) -> SolidState:
         """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
-        points, factor = state.points, 1 / (1 + self.mass_residuals(state))
+        points, factor, fed = state.points, 1 / (1 + self.mass_residuals(state)), self.initial_state().points
         ratio, densest = points.density_ratio * factor, points.max_density_ratio
-        loosened = np.minimum((densest / points.density_ratio - 1) / LOOSENED, 1.0)
-        densest = np.maximum(densest * factor ** (1 - loosened), ratio)
+        kept = _loosened(points) * _loosened(fed)
+        densest = np.maximum(densest * (factor + kept * (1 - factor)), ratio)
         return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
 
     def mass_residuals(self, state: SolidState) -> FloatArray:
@@ -381,6 +382,10 @@ class RollerFrame:
         """
         column = self.exit_column if column is None else column
         points = state.points.map(lambda values: self.to_rows(values)[:, column])
+        uniform = max(column, int(np.searchsorted(self.row_x, -UNIFORM_BEHIND * self.contact_length)))
+        change = self.to_rows(state.points.max_density_ratio)[:, uniform] - points.max_density_ratio
+        densest = np.maximum(points.max_density_ratio + _loosened(points) * change, points.density_ratio)
+        points = replace(points, max_density_ratio=densest)
         along = self.to_rows(self.solid.displacement_gradient(state.displacement)[:, 0])[:, column]
         if along.min() <= -1:
             raise RuntimeError("elements of the exit column invert along the travel; reduce the depth")
@@ -478,6 +483,11 @@ class RollerFrame:
         two_shear, _, shear, lame = material.unloading_modulus * unit_moduli(material.poisson)
         volumetric = lame * (exx + eyy)
         return np.array([two_shear * exx + volumetric, two_shear * eyy + volumetric, volumetric, shear * gamma]).T
+
+
+def _loosened(points):
+    """Share of the strength that no longer follows the density ratio: 0 of mix in its densest state, 1 of loose mix."""
+    return np.clip((points.max_density_ratio / points.density_ratio - 1) / LOOSENED, 0.0, 1.0)
 
 
 def laid_state(state: SolidState, frame: RollerFrame, edge: float, side: float) -> SolidState:
