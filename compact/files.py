@@ -374,7 +374,7 @@ def claimed_directory(directory: str | Path, owner: str, force: bool = False) ->
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
     (before, _, old_file), (now, _, file) = found.partition("\n"), owner.partition("\n")
-    edited = before != now and "" != file == old_file
+    edited = before != now and bool(file) and file == old_file
     if (foreign or (before not in ("", now) and not edited)) and not force:
         words = "contains files of other programs" if foreign else "holds results of another scene"
         raise ResultsError(f"{directory}: {words}; use another --out, or --force")

@@ -226,11 +226,16 @@ class RollerFrame:
 
     def of_volume(self, state: SolidState) -> SolidState:
         """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
-        points, factor, fed = state.points, 1 / (1 + self.mass_residuals(state)), self.initial_state().points
+        points, factor = state.points, 1 / (1 + self.mass_residuals(state))
         ratio, densest = points.density_ratio * factor, points.max_density_ratio
-        kept = _loosened(points) * _loosened(fed)
+        kept = _loosened(points) * self._fed_loosened
         densest = np.maximum(densest * (factor + kept * (1 - factor)), ratio)
         return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
+
+    @cached_property
+    def _fed_loosened(self):
+        """Share of the strength of the fed mix that does not follow its density ratio, at the Gauss points."""
+        return _loosened(self.initial_state().points)
 
     def mass_residuals(self, state: SolidState) -> FloatArray:
         """Return k J exp(p/K) over that of the fed mix, less 1, at the Gauss points [-], shape (n,)."""
