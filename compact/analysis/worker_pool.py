@@ -280,7 +280,10 @@ class DaskExecutor(SerialExecutor):
         try:
             yield
         except (OSError, CancelledError) as error:  # of the connection; tasks of a lost scheduler are cancelled
-            raise RuntimeError(f"the dask scheduler at {self.address} is lost; repeat with --resume") from error
+            raise RuntimeError(
+                f"the dask scheduler at {self.address} is lost ({type(error).__name__}); finished points are kept, "
+                "start a scheduler and repeat the command with --resume"
+            ) from error
 
 
 Executor = SerialExecutor  # or one of its subclasses
