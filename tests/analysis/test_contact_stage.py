@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -449,3 +450,17 @@ def test_assumed_sleeve_varies_from_open_to_midway_with_each_of_the_drive():
     assert alone["midway sleeve"] == pytest.approx((0.18, 0.18))  # half of 0.54 m less the sleeve
     assert sum(EDGE in each.of for each in found) == 2 + 2 * 6
     assert not any(EDGE in each.of for each in drive_variants(scene))
+
+
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
+
+
+@pytest.mark.parametrize("engine", ["column", "compaction"])
+@pytest.mark.parametrize("law", ["ellipse", "drucker-prager-cap"])
+def test_every_law_of_compaction_has_the_saturation_limit_of_the_scene(law, engine):
+    scene = load_scene(SMALL, **{"mix.law": law, "accuracy.engine": engine})
+    limits = []
+    for changed in (scene, scene.replaced(**{"mix.overrides.saturation_limit": 0.995})):
+        _, _, material = contact_cases.contact_inputs(changed, contact_cases.scene_mix(changed), engine, 0.1)
+        limits.append(material.saturation_limit)
+    assert limits == [0.998, 0.995]

@@ -103,3 +103,8 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     rows = np.loadtxt(tmp_path / "out" / "strokes.csv", delimiter=",", skiprows=1)
     assert rows.shape == (3, 10)
     assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
+
+
+def test_masses_close(study):
+    masses = study.mix_balance
+    assert masses["product"] == pytest.approx(masses["fill"] + masses["fed"], rel=1e-9)

@@ -10,7 +10,7 @@ from machine_cases import CART, dry, free, published_law
 from published import CART_OF_C
 from sampling import sampled
 
-from compact.analysis.robust.drive_pool import DrivePool, pass_table, travel_table
+from compact.analysis.robust.drive_pool import DrivePool, from_the_middle, pass_table, travel_table
 from compact.analysis.robust.law import INNER, Effort, PlantRange, between, robust_law
 from compact.analysis.robust.program import LawSpace
 from compact.analysis.stages.robust_range import plant_range
@@ -274,3 +274,25 @@ def test_robust_law_of_a_wide_range_of_drives(name):
     assert worst <= target * published
     assert worst <= 1.02 * found.worst.peak
     assert found.gap < 1e-6
+
+
+def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke(monkeypatch):
+    """Without fresh drives, of which others would join either search where two peaks are equal but for rounding."""
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_ROUNDS", 0)
+    one, other = (
+        robust_law(
+            CART, PlantRange((8e5, 2e6), (0.05, 0.1), (unequal(*ends),)), STROKE, DURATION, Limits(jerk=200.0),
+            effort=Effort((4, 2), 3, 1, PUBLISHED),
+        )
+        for ends in ((0.090, 0.130), (0.130, 0.090))
+    )  # fmt: skip
+    assert one.worst.peak == pytest.approx(other.worst.peak, rel=1e-4)
+    assert one.published_worst.peak == pytest.approx(other.published_worst.peak, rel=1e-4)
+    assert (one.published, one.gains) == (other.published, True)
+    z = np.linspace(0, 1, 41)
+    assert np.abs(one.motion.at_phase(z, 0) - other.motion.at_phase(z, 0)).max() < 1e-3 * STROKE
+
+
+def test_pass_from_the_middle_is_opposite_on_the_return_stroke():
+    values = np.arange(5.0)
+    assert from_the_middle(values).tolist() == [2.0, 3.0, 4.0, -1.0, -2.0]

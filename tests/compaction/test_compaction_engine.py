@@ -10,7 +10,7 @@ from mixes import THIN
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.layer_state import relax_rows
-from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, compaction_rate
@@ -309,3 +309,28 @@ def test_large_contact_angle_becomes_steady_and_balances():
     assert rolled.mass_residual < 2e-3
     assert rolled.work_residual < 0.02
     assert rolled.bow_wave > rolled.indentation
+
+
+def test_transfer_to_a_finer_mesh_is_exact_for_a_linear_state(mix):
+    old, new = coarse_frame(mix, 0.005), coarse_frame(mix, 0.003)
+    state = old.initial_state()
+    state.displacement[:, 1] = -0.01 * old.nodes[:, 1]
+    transferred = transfer_state(state, old, new)
+    inside = np.abs(new.nodes[:, 0]) < 0.1
+    assert transferred.displacement[inside, 1] == pytest.approx(-0.01 * new.nodes[inside, 1], abs=1e-12)
+    assert transferred.points.density_ratio == pytest.approx(0.94)
+
+
+def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
+    frame = coarse_frame(mix, 0.004)
+    state = frame.initial_state()
+    stress = np.outer(1 + frame.solid.point_coordinates[:, 1], [-3e4, 0.0, -2e4, 0.0])
+    state.points.stress[:] = stress
+    behind = frame.solid.point_coordinates[:, 0] < 0.05
+    assert frame.convect(state).points.stress[behind] == pytest.approx(stress[behind], abs=1e-9)
+
+
+def test_pressure_integrates_to_the_load(rolled):
+    frame = rolled.solution.frame
+    tolerance = 0.36 * frame.step / frame.contact_length  # of the edges, half an element each
+    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)

@@ -1,5 +1,7 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from mixes import STIFF as MIX
@@ -168,3 +170,28 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_newtons_method_converges_quadratically():
+    """Plain steps between two fixed ends, from a prediction with a residual of half the forces."""
+    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, displacement, residuals = solid.undeformed_state(), np.stack([0.003 * x * y, -0.01 * y**2], axis=-1), []
+    for _ in range(8):
+        increment = solid.increment(start, displacement)
+        residual = -increment.internal_forces.ravel()[solid.ordered_dofs]
+        residuals.append(np.linalg.norm(residual) / np.linalg.norm(increment.internal_forces))
+        solve = solid.factorise(increment.element_stiffness, [20], np.zeros((1, 2, 2)))
+        displacement = displacement.copy()
+        displacement.ravel()[solid.ordered_dofs] += solve(residual)
+    orders = [np.log(after) / np.log(before) for before, after in pairwise(residuals) if 1e-6 < before < 1e-2]
+    assert residuals[-1] < 1e-13
+    assert len(orders) == 2
+    assert min(orders) > 1.7
+
+
+def test_small_displacements_give_the_strain_of_small_kinematics():
+    for before, after in random_gradients(20, 1e-5):
+        small, finite = (strain_increment(before, after, finite)[1] for finite in (False, True))
+        assert finite == pytest.approx(small, abs=1e-8)

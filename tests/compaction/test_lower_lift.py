@@ -10,7 +10,8 @@ from mixes import LIFT_MIX as MIX
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.layer_state import fresh_layer
+from compact.engines.compaction.layer_state import compacted_lift, fresh_layer
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.material.cap_plasticity import compacted_state
 from compact.rolling_contact import Layer, LowerLift, Roller
 
@@ -143,3 +144,41 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
 
 
 # scenes, records and refusals
+
+
+def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
+    lower = compacted_lift(LOWER, MIX)
+    old, new = (
+        RollerFrame(rolling_mesh(0.06, 0.02, step, 0.06), MIX, "bonded", 0.02, lower=lower) for step in (0.01, 0.004)
+    )
+    ratios = new.to_rows(transfer_state(old.initial_state(), old, new).points.density_ratio)
+    assert ratios[: new.lower_rows] == pytest.approx(0.98, rel=1e-12)
+    assert ratios[new.lower_rows :] == pytest.approx(MIX.fed_density_ratio, rel=1e-12)
+    assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_exit_density_refers_to_the_fed_lift(on_lift):
+    rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
+    assert rolled.indentation > on_lift.indentation
+
+
+@pytest.mark.slow
+def test_neighbour_on_a_lower_lift_equals_a_solution_from_scratch(on_lift):
+    layer = replace(ON_LIFT, height=1.03 * LIFT.height)
+    deeper = replace(ROLLER, indentation=0.00312)
+    found = [roll(layer, deeper, MIX, 0.13, increments=4, start=start) for start in (on_lift, None)]
+    assert found[0].load == pytest.approx(found[1].load, rel=3e-3)
+    assert found[0].resistance == pytest.approx(found[1].resistance, rel=3e-3)
+
+
+@pytest.mark.slow
+def test_thinner_lower_lifts_tend_to_the_rigid_base():
+    lower = (replace(LOWER, thickness=thickness) for thickness in (0.002, LOWER.thickness, 0.12))
+    layers = [LIFT, *(replace(LIFT, lower_lift=each) for each in lower)]
+    options = {"increments": 4, "steady_tolerance": 2e-4}  # the first loss is as small as the usual tolerance
+    on_base, *lifts = (roll(layer, ROLLER, MIX, 0.13, **options) for layer in layers)
+    losses = [1 - rolled.resistance / on_base.resistance for rolled in lifts]
+    assert 0 < losses[0] < 2e-3
+    assert losses[0] < losses[1] < losses[2] < 2 * losses[1]

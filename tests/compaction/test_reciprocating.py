@@ -319,3 +319,28 @@ def test_return_stroke_over_compacted_mix_has_little_resistance(from_steady, ste
     back = from_steady.resistance[(from_steady.stroke == 2) & (from_steady.position < 4 * LENGTH)]
     assert (back < 0).all()
     assert np.abs(back).max() < 0.1 * steady.resistance
+
+
+@pytest.mark.slow
+def test_dwell_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH, 1.0)
+    without, with_dwell = (simulate_thin(motion.cycle(far_dwell=dwell)) for dwell in (0.0, 3.0))
+    zero = 1e-8 * without.resistance.max()  # the resistance changes its sign
+    assert with_dwell.resistance == pytest.approx(without.resistance, rel=1e-7, abs=zero)
+    assert with_dwell.time[-1] == pytest.approx(without.time[-1] + 3.0)
+
+
+@pytest.mark.slow
+def test_strokes_with_lifts_repeat(roller, mix):
+    motion = RepeatedMotion(two_strokes(0.1), 4)
+    run = simulate_reciprocating(Layer(0.2), roller, mix, motion, lift_thickness=0.05, increments=4, estimate=False)
+    peaks = [np.abs(run.resistance[run.stroke == k]).max() for k in (1, 2, 3, 4)]
+    assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
+    assert run.work_residual < 0.02
+
+
+def test_vanishing_friction_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH / 2, 2.0)
+    slight, none = simulate_thin(motion, roller=free_roller(1e-7)), simulate_thin(motion)
+    assert slight.load == pytest.approx(none.load, rel=1e-5)
+    assert slight.resistance == pytest.approx(none.resistance, abs=1e-5 * none.resistance.max())

@@ -227,3 +227,15 @@ def test_opposite_directions_are_mirror_images():
     assert (back.load, -back.resistance, back.creep) == (there.load, there.resistance, there.creep)
     assert back.shear_traction == pytest.approx(-there.shear_traction[::-1])
     assert total_shear(there) == pytest.approx(-500.0 / 2.0)
+
+
+@pytest.mark.slow
+def test_torque_reduces_the_resistance():
+    """The work balances to 0.6 % on 12 increments and to 3.4 % on 6."""
+    free = roll_high_layer(increments=12)
+    torque = 0.5 * FRICTION * R * free.load
+    driven = roll_high_layer(replace(FREE, rolling="driven"), torque=torque, start=free, increments=12)
+    assert driven.creep > free.creep
+    assert total_shear(driven) == pytest.approx(-torque / R)
+    assert driven.resistance - free.resistance == pytest.approx(-torque / R, rel=0.15)  # of first order in the slope
+    assert driven.work_residual < 0.03

@@ -13,6 +13,11 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem
+from compact.analysis.multipass import Pass, passes
+from compact.engines import formula
+from compact.engines.column import column_pass
+from compact.engines.column import engine as column
+from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
@@ -229,3 +234,67 @@ def test_torque_and_not_a_number_off_target_raise():
         require_on_target(found, roller, 1e-8, torque=(0.0, 0.1))
     with pytest.raises(RuntimeError, match="`load` 1 was prescribed and nan reached"):
         require_target_reached("load", 1.0, np.nan, 1e-3)
+
+
+OFF = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("torque", [-30.0, 0.0, 55.0, 1e3])
+@pytest.mark.parametrize("speed", [0.2, -0.2])
+def test_torque_is_reached_or_refused(torque, speed):
+    """The moment of the shear about the axle is the torque; beyond the friction limit the roller skids."""
+    roller = Roller(R, indentation=3e-3, friction=0.3, rolling="driven")
+    if torque > 100:
+        with pytest.raises(RuntimeError, match=r"the roller skids: the torque is \d\.\d+ times the friction limit"):
+            fem.roll(LAYER, roller, LINEAR, speed, torque=torque, estimate=False)
+        return
+    found = fem.roll(LAYER, roller, LINEAR, speed, torque=torque, estimate=False)
+    moment = -np.sign(speed) * R * np.trapezoid(found.shear_traction, found.x)
+    assert moment == pytest.approx(torque, abs=5e-3 * 0.3 * found.load * R)
+
+
+def off(value):
+    return 1.001 * value
+
+
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize(("engine", "target"), [
+    ("formula", "load"), *(("column", target) for target in OFF),
+    *((engine, target) for engine in ("spectral", "fem") for target in list(OFF)[:3]),
+])  # fmt: skip
+def test_contact_off_target_raises(engine, target, monkeypatch):
+    inverse, search = formula.pressure_for_load, column_pass.solve_target
+    build, at_target = spectral.build_rolling_problem, fem_engine.solve_at_target
+
+    def missed_problem(*given):
+        problem, half_width = build(*given)
+        return replace(problem, roller=replace(problem.roller, **{target: off(OFF[target])})), half_width
+
+    def missed_contact(case, *given, **options):
+        return at_target(replace(case, roller=replace(case.roller, **{target: off(OFF[target])})), *given, **options)
+
+    monkeypatch.setattr(formula, "pressure_for_load", lambda load, *rest: inverse(off(load), *rest))
+    monkeypatch.setattr(column_pass, "solve_target", lambda *at: search(*at[:3], off(at[3]), at[4]))
+    if engine == "spectral":
+        monkeypatch.setattr(spectral, "build_rolling_problem", missed_problem)
+    monkeypatch.setattr(fem_engine, "solve_at_target", missed_contact)
+    words = (
+        rf"`{target}` {OFF[target]:.9g} was prescribed and .* reached: .*, tolerance {TOLERANCES[engine]:.0e}; the con"
+    )
+    with pytest.raises(RuntimeError, match=words):
+        rolled(engine, target, OFF[target])
+
+
+def test_feed_and_passes_off_target_raise(monkeypatch):
+    find = column_pass.solve_target
+    monkeypatch.setattr(
+        column_pass,
+        "solve_target",
+        lambda layer, of, name, value, rtol: find(layer, of, name, off(value), rtol),
+    )
+    with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
+        column.required_feed(0.22, 0.96, MIX, SPEED)
+    monkeypatch.setattr(column_pass, "solve_target", lambda layer, of, name, _, rtol: find(layer, of, name, 8e3, rtol))
+    with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
+        passes(LAYER, Roller(R, load=8e3), MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))

@@ -631,3 +631,26 @@ def test_second_pass_at_the_same_height_stays_elastic():
     at_once = roll(Layer(FED_HEIGHT), circle(FED_HEIGHT - 0.99 * HEIGHT), RATED, SPEED)
     assert third.peak_pressure == pytest.approx(at_once.peak_pressure, rel=1e-8)
     assert first.peak_pressure < third.peak_pressure
+
+
+def test_subcritical_yield_matches_the_reference():
+    material = mix(critical_slope=1.0, poisson=0.2)
+    contact = roll(Layer(1.0), Roller(R, indentation=0.02), material, SPEED)
+    assert 1 - contact.exit_height == pytest.approx(0.018818, abs=6e-7)
+    assert contact.exit.layer[0].lateral_stress == pytest.approx(75939.5, abs=0.06)
+
+
+def test_cohesionless_mix_unloads_to_its_yield_surface():
+    """Without stress and strength the elastic unloading ends on the yield surface within rounding."""
+    material = mix(tensile_strength=0.0, poisson=0.45, critical_slope=0.93, unloading_modulus=4.7e7, dry_side="flat")
+    for peak in (1e2, 2283.4, 22834.416248689573):
+        contact = roll(Layer(2.0), Roller(0.03, peak_pressure=peak), material, SPEED)
+        assert abs(contact.resistance) < 1e-9 * contact.load
+
+
+def test_overstress_integral_matches_the_closed_form():
+    """Overstress of Duvaut and Lions v tau (C de - ds_v)/dx, which gives P/P0 = 1 + 674.890 v tau at first order."""
+    contact = rolled()
+    strain = np.log(FED_HEIGHT / HEIGHT)
+    per_length = (oedometric_modulus(MIX) * strain - contact.peak_pressure) / contact.load
+    assert per_length == pytest.approx(674.890, abs=6e-4)

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rolling_scenes import LAYER, MIX, SLS, SPEED, assert_estimates, stiff_scene, true_errors
+from rolling_scenes import LAYER, MIX, SLS, SPEED, assert_estimates, prescribing, stiff_scene, true_errors
 from rolling_scenes import roll_elements as roll
 
 from compact import fem, mesh
@@ -315,3 +315,14 @@ def test_traction_of_free_rolling_vanishes_as_a_thick_layer_becomes_incompressib
         largest.append(np.abs(rolled.shear_traction).max() / rolled.peak_pressure)
     assert np.diff(largest).max() < 0
     assert np.polyval(np.polyfit([0.05, 0.03, 0.01], largest, 1), 0) == pytest.approx(0, abs=0.02)
+
+
+@pytest.mark.slow
+def test_wrong_contact_on_the_first_mesh_is_rejected():
+    """It has the prescribed peak pressure, but 4.2 times the correct load; no refined mesh confirms it."""
+    mix = Viscoelastic(youngs_modulus=1e7, poisson=0.30958, branches=((36.54716, 1.3330992), (2.4788208, 0.2237176)))
+    speed = 1.20106e-3
+    roller = Roller(1.4626081, indentation=1.430974e-3, friction=0.3547987, rolling="sliding", profile="circle")
+    exact = spectral.roll(LAYER, roller, mix, speed)
+    rolled = fem.roll(LAYER, prescribing(roller, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
+    assert (rolled.load, rolled.resistance) == pytest.approx((exact.load, exact.resistance), rel=7e-3)

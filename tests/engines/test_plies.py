@@ -268,3 +268,32 @@ def test_stress_along_x_jumps_with_the_stiffness_at_an_interface():
     stretch = [stress[0] - 0.3 / 0.7 * stress[1] for stress in (bed, crust)]
     assert stretch[1] == pytest.approx(20 * stretch[0], rel=0.05)
     assert crust[0] > 0 > bed[0]
+
+
+@pytest.mark.slow
+def test_load_on_plies_converges():
+    layer, loads = two_plies(0.005, 20.0), []
+    rows = mesh.graded_mesh(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
+    for _ in range(3):
+        loads.append(roll(layer, PRESSED, MIX, 1.0, mesh=rows).load)
+        rows = rows.refined()
+    exact = spectral.roll(layer, PRESSED, MIX, 1.0, rtol=1e-8).load
+    order = -np.polyfit(range(3), np.log2(np.abs(np.array(loads) - exact)), 1)[0]
+    assert order >= 2, f"observed order of the load {order:.2f}"
+
+
+@given(layers, st.floats(0, 0.49), st.integers(0, 3), st.floats(0.1, 0.9))
+def test_dividing_a_ply_leaves_the_compliance_unchanged(layer, poisson, which, share):
+    which %= len(layer.stack)
+    ply = layer.stack[which]
+    moduli = [ply.stiffness for ply in layer.stack]
+    rounding = min(1e-10 * max(moduli) / min(moduli), 2e-8)  # grows with the contrast; 7e-9 in 4000 random layers
+    halves = (
+        Ply(thickness=ply.thickness * share, stiffness=ply.stiffness),
+        Ply(thickness=ply.thickness * (1 - share), stiffness=ply.stiffness),
+    )
+    cut = Layer(layer.height, base=layer.base, plies=(*layer.plies[:which], *halves, *layer.plies[which + 1 :]))
+    for whole, parts in zip(
+        compliance_deviation(waves, layer, poisson), compliance_deviation(waves, cut, poisson), strict=True
+    ):
+        assert parts == pytest.approx(whole, abs=rounding)

@@ -263,3 +263,12 @@ def test_thin_layer_of_elements_is_the_winkler_foundation_of_table_e(row):
         numbers.append((rolled.leading / b, -rolled.trailing / b, *force))
     thin = 2 * np.array(numbers[1]) - numbers[0]  # extrapolated to zero height
     assert thin == pytest.approx((1, trailing, load, resistance), rel=5e-3)
+
+
+def test_remainder_is_of_second_order_in_the_acceleration():
+    """The reference is the quadrature of the Winkler foundation at constant deceleration, contact.md e, m = De = 1."""
+    steady, exact = 0.10445711, {-0.3: 0.09690354, -0.03: 0.10355338}
+    mass = winkler(1.0)[1]
+    remainder = [abs(force - steady - acceleration * mass) for acceleration, force in exact.items()]
+    order = np.log10(remainder[0] / remainder[1])
+    assert order == pytest.approx(2, abs=0.15), f"the remainder falls as a^{order:.2f}"

@@ -236,3 +236,12 @@ def test_error_estimate_covers_the_true_error(scenes):
 
 
 # refused arguments and failures
+
+
+@pytest.mark.parametrize("exponent", [0.35, 0.5, 0.62])
+def test_transforms_agree_with_direct_integrals_of_the_pressure(exponent):
+    basis = build_jacobi_basis(exponent, 12, 60)
+    tau = np.array([1e-10, 1e-3, 1.0, 10.0])
+    direct = basis.pressures @ np.exp(-1j * np.multiply.outer(basis.pressure_nodes, tau))
+    signs = (-1.0) ** np.arange(12)
+    assert np.max(np.abs(signs[:, None] * basis.transforms(tau)[1:] - direct)) < 1e-12

@@ -5,6 +5,8 @@ the roller uniformly from steady motion, over eight relaxation times, to the spe
 M = (F(a) - F(-a))/(2a) at |a| tau/v = 0.02. All values were computed on 23 November 2026 at that revision.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from engine_calls import expand_resistance
@@ -246,3 +248,26 @@ def test_added_mass_falls_with_the_third_power_of_speed():
     masses = [abs(expand_resistance(BONDED, pressed(), MIX, speed).added_mass) for speed in speeds]
     rate = np.polyfit(np.log(speeds), np.log(masses), 1)[0]
     assert rate == pytest.approx(-3, abs=0.02), f"M falls as v^{rate:.2f}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
+def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
+    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((ratio - 1, 0.05),))
+    exact = expand_resistance(BONDED, pressed(), mix, speed)
+    found = expand_by_elements(BONDED, pressed(), mix, speed, estimate=False)
+    assert found.slope == pytest.approx(exact.slope, rel=5e-3)
+    assert found.added_mass == pytest.approx(exact.added_mass, rel=5e-3)
+
+
+@examples(3, slow=6)
+@given(rollers, st.sampled_from([BONDED, SLIP]), speeds)
+def test_added_mass_is_even_in_speed(roller, layer, speed):
+    forth, back = (expand_resistance(layer, roller, MIX, side * speed) for side in (1, -1))
+    assert (back.resistance, back.slope, back.added_mass) == (-forth.resistance, forth.slope, forth.added_mass)
+
+
+def test_equal_relaxation_times_act_as_one_branch():
+    split = replace(MIX, branches=((0.3, 0.05), (0.7, 0.05 * (1 + 1e-12))))
+    one, two = (expand_resistance(SLIP, pressed(), mix, 0.3) for mix in (MIX, split))
+    assert two.added_mass == pytest.approx(one.added_mass, rel=1e-8)

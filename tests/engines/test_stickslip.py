@@ -259,3 +259,12 @@ def test_closed_form_of_full_stick_satisfies_its_equation():
     smooth = (source - w[:, None]) / (x[:, None] - s) * a * np.sin(angle)
     principal = smooth.mean(axis=1) + w / np.pi * np.log((a + x) / (a - x))
     assert principal + 1j * b * w == pytest.approx((x - 1j * creepage * R) / (2 * R), abs=1e-6 * a / R)
+
+
+def test_signs_of_torque_creepage_and_resistance():
+    driven, free, braked = (rolled_by(SLS, 0.03, 0.3, share) for share in (DRIVEN, FREE, BRAKED))
+    assert driven.creep > free.creep > braked.creep
+    assert driven.resistance < 0 < free.resistance < braked.resistance
+    for rolled, share in ((driven, DRIVEN), (free, FREE), (braked, BRAKED)):
+        drag = rolled.resistance - np.trapezoid(rolled.pressure * rolled.x / R, rolled.x)
+        assert drag == pytest.approx(-share * 0.3 * FRICTIONLESS_LOAD, abs=1e-3 * rolled.load)

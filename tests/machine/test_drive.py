@@ -272,3 +272,20 @@ def test_free_cart_draws_its_kinetic_energy_once_per_stroke(name):
     motion = published_law(name)
     run = simulate(replace(UNIT, mass=1000.0), Rigid(), motion, free)
     assert run.drawn_energy == pytest.approx(2 * 500 * motion.peaks().velocity ** 2, rel=1e-3)
+
+
+def viscous(coefficient):
+    return lambda velocity, acceleration: coefficient * velocity
+
+
+@pytest.mark.parametrize("name", sorted({*ENERGY_OF_LAW, *KINDS}))
+def test_viscous_loss_equals_the_integral_of_the_squared_speed(name):
+    run = simulate(UNIT, Rigid(), published_law(name), viscous(2e3))
+    closed = ENERGY_OF_LAW.get(name, published_law(name).criterion(1) * 3.0 / 0.4**2)
+    assert run.energy == pytest.approx(2 * 2e3 * closed * 0.4**2 / 3.0, rel=1e-9)
+
+
+def test_rod_of_the_crank_is_a_triangle():
+    crank, psi = Crank(0.2, 0.8), np.linspace(0, 2 * np.pi, 50)
+    assert 0.8 * np.sin(crank.rod_angle(psi)) == pytest.approx(0.2 * np.sin(psi), abs=1e-16)
+    assert crank.rod_tangent(0.75, 3.0) == pytest.approx(0.25 / math.sqrt(1 - 0.25**2), rel=1e-14)

@@ -2,15 +2,19 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from interrupts import interrupted, of_unix
 from machine_cases import CART, MASS, free, friction, published_law, stribeck
 from published import CART_OF_C
 from sampling import examples, sampled
 
+from compact.machine import elastic_motion, spring_cart
+from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import SAMPLES, CartMotion, integrate
 from compact.machine.shaft import ORDER
@@ -390,3 +394,82 @@ def test_cart_is_exactly_at_rest_in_a_dwell():
     assert run.stick_time > 2.0
     assert np.all(halfway.velocity[trajectory.slip == 0] == 0)
     assert np.all(np.abs(halfway.drive_force[trajectory.slip == 0]) <= 3486.0 * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+def test_stopping_time_against_the_spring(stiffness):
+    """v = v0 cos w t - F w/k sin w t, so tan(w t) = v0 k/(F w); the cart stays at rest below the friction limit."""
+    w, size, speed = math.sqrt(stiffness / MASS), 3486.0, 0.01
+    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, CartState(0.0, speed, 1))
+    assert trajectory.duration[0] == pytest.approx(math.atan2(speed * stiffness, size * w) / w, rel=1e-9)
+
+
+@pytest.mark.parametrize("regime", ["periodic", "rest"])
+def test_integration_in_slices_is_bit_identical(regime, monkeypatch):
+    """Python handles interrupts between two slices."""
+    cart = replace(CART_OF_C, end_springs=EndSprings(4e5, 500.0, 0.08, 0.4))
+    cycle = published_law("constant-velocity").cycle(0.5, 0.2)
+    calls, advance = [], spring_cart.advance
+
+    def recorded(*arguments):
+        calls.append(advance(*arguments))
+        return calls[-1]
+
+    whole = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
+    monkeypatch.setattr(elastic_motion, "ATTEMPTS_PER_CALL", 1)
+    monkeypatch.setattr(spring_cart, "advance", recorded)
+    sliced = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
+    assert len(calls) >= sliced.cost.intervals
+    assert sliced.cost == whole.cost
+    np.testing.assert_array_equal(sliced.trajectory.rows, whole.trajectory.rows)
+
+
+LONG = """
+import sys
+from dataclasses import replace
+import numpy as np
+from compact.cli import program as cli
+from compact.machine import elastic_drive, elastic_motion
+
+simulate = elastic_drive.simulate_elastic
+
+def simulate_long_dwell(cart, drive, cycle, *_, **__):
+    cart, spring = replace(cart, guide_friction=0.0), elastic_drive.ElasticDrive(1e6, 0.0)
+    free = lambda velocity, acceleration: np.zeros_like(velocity)
+    simulate(cart, spring, cycle.forward.cycle(1.0, 1.0), free, regime="rest")
+    elastic_motion.MAX_STEPS = 2_000_000
+    print("begun", flush=True)
+    return simulate(cart, spring, cycle.forward.cycle(1e6, 0.0), free, regime="rest")
+
+elastic_drive.simulate_elastic = simulate_long_dwell
+sys.argv = ["compact", "run", {scene!r}, "--engine", "formula", "--out", {out!r}, "--quiet",
+            "--set", "drive.kind=elastic", "--set", "drive.stiffness=1e6", "--set", "drive.damping=3162.0",
+            "--set", "output.items=['tables']", "--set", "motion.laws=['parabolic']"]
+cli.main()
+"""
+
+
+@of_unix
+@pytest.mark.slow
+def test_interrupt_ends_a_long_elastic_run_within_seconds(tmp_path):
+    scene = str(Path(__file__).parents[2] / "compact/data/scenes/loveikin-2015.toml")
+    code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
+    assert code == 130
+    assert message.startswith("compact: interrupted; every file already written is whole; ")
+    assert message.endswith("; the same command computes the others\n")
+    assert seconds < 5  # one second on an idle machine
+
+
+@pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
+def test_stiff_spring_follows_the_law_but_for_its_elongation(name):
+    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, friction(3486.0))):
+        run = simulate_elastic(cart, spring(1e9, ratio), published_law(name), resistance)
+        lag = np.abs(run.cycle.derivative(run.time, 0) - run.state.position).max()
+        assert lag <= (1e-5 * 0.4 if resistance is free else run.peak_force / 1e9 * (1 + 1e-6))
+
+
+def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
+    run = simulate_elastic(CART, spring(1e9, 0.7), published_law("septic"), free)
+    inertia = MASS * run.cycle.derivative(run.time, 2)
+    assert np.abs(run.drive_force - inertia).max() < 1e-3 * np.abs(inertia).max()
+    assert run.dynamic_amplification == pytest.approx(1, abs=1e-3)

@@ -206,3 +206,10 @@ def test_acceleration_phase_ends_in_the_periodic_regime(angles):
     last = run.angle >= 2 * np.pi * (run.revolutions - 1)
     at = np.interp(np.mod(run.angle[last], 2 * np.pi), periodic.angle, periodic.speed)
     assert run.speed[last] == pytest.approx(at, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["cubic", "parabolic"])
+def test_steep_motor_on_a_bare_shaft_is_resolved(name):
+    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1.0), published_law(name), friction(SIZE))
+    assert run.energy_residual < 1e-8
+    assert run.energy == pytest.approx(0.8 * (SIZE + 0.008 * 9480), rel=1e-6)

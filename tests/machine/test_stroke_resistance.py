@@ -1,5 +1,6 @@
 """Drives under a resistance along the stroke: work, limits, mirror, memory of the turns, hard cases."""
 
+import itertools
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -10,10 +11,12 @@ from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, published_law
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
+from compact.machine import elastic_motion
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import CartMotion
 from compact.machine.motor_drive import Motor
+from compact.motion.laws import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import dry_resistance, tabulated_resistance
 from compact.turning import (
@@ -291,3 +294,53 @@ def test_drive_without_a_periodic_regime_is_told(rounding):
     """Its cycles do not settle, whatever the rounding."""
     with pytest.raises(RuntimeError, match=r"no periodic regime found in \d+ cycles"):
         periodic(along(imprint(0.110)), "cycloidal", drive=elastic(3e5 * (1 + rounding), 0.01))
+
+
+@pytest.mark.parametrize("name", ["wave", "imprint", "both sides differ", "return over compacted mix", "map"])
+def test_mix_with_a_release_neither_jumps_nor_holds_the_cart(name):
+    resistance, options = CASES[name]
+    run = periodic(resistance, drive=elastic(**options), cart=CART)
+    assert run.stick_time == 0
+    assert run.shocks == ()
+    assert np.abs(np.diff(run.motion.resistance)).max() < 0.5 * SIZE
+
+
+def test_cart_that_sticks_for_most_of_the_cycle():
+    """A table restarts with a jump, which holds the cart; without one the guides alone do."""
+    held, _ = CASES["sticks"]
+    law = published_law("complex")
+    run, free = (simulate_elastic(CART_OF_C, elastic(1.5e4, 0.3), law, each) for each in (held, CASES["wave"][0]))
+    assert 0.6 < run.stick_time / run.period < 0.9
+    assert free.stick_time < 0.1 * run.stick_time
+    assert run.energy_residual < 1e-6
+
+
+def test_regime_that_is_reached_slowly_is_found(monkeypatch):
+    """By plain cycles, as long as they settle; a limit of cycles is told as such."""
+    case = along(wave(0.110)), "quintic"
+    expected = periodic(*case, drive=elastic(3e5, 0.02)).peak_force
+    monkeypatch.setattr(elastic_motion, "DECIDING_CYCLES", 1)  # no acceleration
+    assert periodic(*case, drive=elastic(3e5, 0.02)).peak_force == pytest.approx(expected, rel=1e-6)
+    monkeypatch.setattr(elastic_motion, "MAX_CYCLES", 5)
+    with pytest.raises(RuntimeError, match="a periodic regime is not decided in 5 cycles"):
+        periodic(*case, drive=elastic(3e5, 0.02))
+
+
+def test_share_costs_few_evaluations():
+    run = periodic(along(wave(0.110)))
+    assert run.cost.intervals < 3000
+    assert len(run.trajectory.rows) < 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [wave(0.110), imprint(0.110)], ids=["wave", "imprint"])
+def test_all_laws_behind_twelve_drives_cost_few_evaluations(share):
+    """7 s of one processor; a soft drive without a periodic regime is told."""
+    intervals, told = 0, 0
+    for stiffness, ratio, name in itertools.product((3e5, 1e6, 3e6, 1e7), (0.02, 0.05, 0.2), LAWS):
+        try:
+            intervals += periodic(along(share), name, drive=elastic(stiffness, ratio)).cost.intervals
+        except RuntimeError as error:
+            told += "no periodic regime" in str(error)
+    assert intervals < 24000
+    assert told <= 4

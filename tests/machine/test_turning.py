@@ -1,11 +1,14 @@
 """Shares of force and load after a turn: closed forms, published examples, continuity, limits, refusals."""
 
+from itertools import pairwise
+
 import mpmath
 import numpy as np
 import pytest
 
 from compact.resistance import dry_resistance
 from compact.turning import (
+    RELEASED,
     StrokeResistance,
     imprint_load_share,
     imprint_share,
@@ -143,3 +146,27 @@ def test_neither_force_nor_load_jumps_at_a_turn(shares, stroke):
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("shares", SHARES.values(), ids=SHARES.keys())
+def test_shares_are_smooth_between_their_travels(shares):
+    for share in shares:
+        breaks = np.unique([0.0, *share.travels])
+        for low, high in pairwise(breaks):
+            middle = (low + high) / 2 + (high - low) * np.linspace(-0.45, 0.45, 2001)
+            bend = np.abs(np.diff(share(middle), 3))
+            assert bend.max() < 1e-6
+
+
+def test_wave_that_vanishes_leaves_the_climb():
+    travels = np.linspace(0, 0.2, 2001)
+    low, none = (wave_shares(ratio * DEPTH)[0](travels) for ratio in (1e-9, 0.0))
+    assert low == pytest.approx(none, abs=1e-8)
+
+
+def test_old_force_lets_go_within_its_release():
+    shares = along_stroke(*wave_shares()).over(STROKE)[0]
+    last = 1 - 1.21 / 2.21 * np.exp(-((STROKE - shares.force.distance) / LENGTH - 0.5) / (5 * 1.21**0.75))
+    assert float(shares.force_share(0.0)) == pytest.approx(-last, rel=1e-12)
+    assert float(shares.force_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.02, abs=1e-14)
+    assert float(shares.load_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.25, abs=1e-14)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from material_points import split, von_mises, walked
 from mixes import oedometer, shear_line
+from scipy.optimize import brentq
 
 from compact.material import cap_plasticity
-from compact.material.drucker_prager_cap import return_to_line
+from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
 from compact.material.laws import cap_slope, earth_pressure_bounds, matched_slopes
 
 PRESSURE = 200e3  # Pa, at which K0 holds
@@ -243,3 +244,13 @@ def test_jakys_coefficient_at_45_degrees_requires_cohesion():
 def test_angles_and_slopes_out_of_order_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_limit_of_the_elastic_range_is_that_of_the_return():
+    mix = law()
+    constants, (P, q), (end, end_q, V, _, _, _), a = random_steps(mix, 2000, seed=4)
+    rng = np.random.default_rng(1)
+    for i in rng.integers(0, 2000, 300):
+        densest = float(brentq(lambda k, i=i: (mix.yield_pressure(k) + mix.tensile_strength) / 2 - a[i], 0.73, 0.998))
+        inside = is_elastic_in_line(constants, P[i] - mix.tensile_strength, q[i], densest, np.nan)
+        assert inside == (V[i] == 0 and end_q[i] == q[i] and end[i] == P[i]) or abs(V[i]) < 1e-14

@@ -218,3 +218,12 @@ def test_impossible_increments_are_refused(error, changes, message):
     strain = np.array([changes.get("strain", (0.01, 0.01, 0.01))], dtype=float)
     with pytest.raises(error, match=message):
         cap_plasticity.integrate_points(STIFF, state, strain, changes.get("rate_factor", 1.0))
+
+
+@pytest.mark.parametrize("mix", PLAIN)
+def test_zero_increment_changes_nothing(mix):
+    state = admissible(mix, 500)
+    still, _ = cap_plasticity.integrate_points(mix, state, np.zeros((500, 3)))
+    assert np.abs(still.stress - state.stress).max() < 1e-14 * np.abs(state.stress).max()
+    assert (still.density_ratio == state.density_ratio).all()
+    assert (still.plastic_work == state.plastic_work).all()

@@ -275,3 +275,64 @@ def test_minimiser_is_stationary_for_variations_at_rest(order, values, degree):
 def test_conditions_and_weights_that_fit_no_law_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def ritz(d1, d2, d3, degree):
+    """Ritz minimiser of I: s''' = that of the quintic + Legendre P_k, 4 <= k <= degree, k even, whose integrals rest.
+
+    Integrating a Legendre series gives a Legendre series, so J1, J2 and J3 are exact sums. Returns I and s as a
+    Legendre series in 2 z - 1.
+    """
+    orders = np.arange(degree + 4)
+    mass = 1 / (2 * orders + 1)
+    integral = np.zeros((degree + 4, degree + 4))  # int_0^z P_k dz = (P_(k+1) - P_(k-1))/(2 (2k + 1))
+    k = np.arange(1, degree + 3)
+    integral[k + 1, k], integral[k - 1, k] = 1 / (2 * (2 * k + 1)), -1 / (2 * (2 * k + 1))
+    trial = np.eye(degree + 4)[:, 4 : degree + 1 : 2]
+    quintic = legendre.poly2leg(Polynomial([0, 0, 0, 10, -15, 6])(Polynomial([0.5, 0.5])).coef)
+    series = [np.pad(2.0**n * legendre.legder(quintic, n), (0, degree - 2 + n)) for n in range(4)]
+    trials = [integral @ integral @ integral @ trial, integral @ integral @ trial, integral @ trial, trial]
+    terms = [
+        (w, x * np.sqrt(mass), y * np.sqrt(mass)[:, None])
+        for w, x, y in zip((d1, d2 / 12, d3 / 720), series[1:], trials[1:], strict=True)
+    ]
+    stiffness = sum(w * y.T @ y for w, _, y in terms)
+    scale = np.sqrt(np.diag(stiffness))
+    load = sum(w * y.T @ x for w, x, y in terms)
+    amplitudes = -np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
+    criterion = sum(w * np.sum((x + y @ amplitudes) ** 2) for w, x, y in terms)
+    return criterion, series[0] + trials[0] @ amplitudes
+
+
+@pytest.mark.parametrize(
+    ("d3", "d2", "degree"),
+    [
+        *((d3, d2, 40) for d3, d2 in [(0.2, 0.3), (0.9, 0.05), (0.05, 0.9), (0.125, 0.25), (0.3, 0.7)]),
+        *((0.01, d2, 60) for d2 in (double_root(0.01)[1], 0.0)),
+        *(
+            (d3, d2, degree)
+            for d3, d2, degree in [(1e-4, 0.3, 140), (1e-5, 0.6, 200), (1e-6, 0.3, 420), (1e-6, 1e-3, 200)]
+        ),
+    ],
+)
+def test_complex_law_equals_a_direct_minimisation(d3, d2, degree):
+    d1, d2 = exact_weights(d3, d2)
+    d3 = 1 - d1 - d2
+    criterion, series = ritz(d1, d2, d3, degree)
+    law = ComplexLaw(d1, d2)
+    z = np.linspace(0, 1, 401)
+    assert law(z) == pytest.approx(legendre.legval(2 * z - 1, series), abs=1e-9)
+    slope = 2 * legendre.legval(2 * z - 1, legendre.legder(series))
+    assert law(z, nu=1) == pytest.approx(slope, abs=1e-7)
+    assert weighted_criterion(law, d1, d2, d3) == pytest.approx(criterion, rel=1e-9)
+
+
+def weighted_criterion(law, d1, d2, d3):
+    """I by Gauss' rule on intervals that halve towards both ends."""
+    nodes, weights = legendre.leggauss(16)
+    near = np.concatenate([[0], 2.0 ** -np.arange(30, 0, -1)])
+    edges = np.concatenate([near, 1 - near[-2::-1]])
+    half = np.diff(edges) / 2
+    z = edges[:-1, None] + half[:, None] * (1 + nodes)
+    parts = [np.sum(half[:, None] * weights * law(z, nu=k) ** 2) for k in (1, 2, 3)]
+    return d1 * parts[0] + d2 * parts[1] / 12 + d3 * parts[2] / 720

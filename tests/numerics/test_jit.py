@@ -1,10 +1,15 @@
 """Cache of compiled functions: it follows changes of functions and constants in other modules."""
 
+import errno
 import importlib
 import sys
+import threading
+from pathlib import Path
 
 import numba
 import pytest
+from filelock import FileLock
+from numba.core import caching
 
 from compact.numerics import jit
 from compact.numerics.jit import source_files
@@ -107,3 +112,32 @@ def test_damaged_cache_is_compiled_again(sample, told, suffix, damage):
 
 
 # without the locks of Unix
+
+
+def test_a_process_waits_while_another_one_compiles(sample):
+    _, module = sample
+    function, found = imported(module), []
+    lock = Path(function._cache._cache_file._index_path).with_suffix(".lock")
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    thread = threading.Thread(target=lambda: found.append(function()), daemon=True)
+    with FileLock(lock):
+        thread.start()
+        thread.join(0.2)
+        assert thread.is_alive()
+    thread.join()
+    assert found == [1060]
+
+
+def test_function_is_compiled_where_no_folder_can_be_written(sample, told, monkeypatch):
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert imported(sample[1])() == 1060
+    assert told() == ["no folder for compiled code can be written: each run compiles; NUMBA_CACHE_DIR may name one"]
+
+
+def test_function_is_compiled_though_the_disk_is_full(sample, told, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_index", full)
+    assert compiled_result(sample[1]) == (1060, 0)
+    assert told() == ["compiled code cannot be kept: No space left on device; the next run compiles again"]

@@ -170,3 +170,15 @@ def test_columns_and_finite_elements_agree_over_a_wide_thin_layer(wide):
         by_elements = RollerAir(wide.solution, under.air)
         load, *_ = under.forces(under.pressure(0.2))
         assert by_elements.forces(by_elements.pressure(0.2))[0] == pytest.approx(load, rel=tolerance)
+
+
+@pytest.mark.parametrize("occlusion", [None, 0.90])
+def test_without_drainage_boyles_law_holds_at_the_surface_under_the_roller(contact, occlusion):
+    """The air under the roller is that of the last drained node ahead; outside the contact the surface has none."""
+    under = RollerAir(contact.solution, pore_air(1e-25, occlusion))
+    found, volume = under.pressure(1.0), under.flow.air_volume[:, -1]
+    (touched,) = np.nonzero(~under.flow.drained[:, -1])
+    boyle = under.air.ambient_pressure * volume[touched[-1] + 1] / volume[touched]
+    np.testing.assert_allclose(found.pressure[touched, -1], boyle, rtol=1e-6)
+    assert not found.excess[under.flow.drained].any()
+    assert boyle.max() > 2 * 101325

@@ -2,6 +2,8 @@
 
 import math
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import get_args
@@ -273,3 +275,34 @@ def test_any_change_makes_a_scene_or_is_refused(published, changes):
 
 
 # (j) neighbours
+
+
+@pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small"])
+def test_every_value_of_a_study_scene_states_its_origin(name):
+    lines = (SCENES / f"{name}.toml").read_text("utf-8").splitlines()
+    values = [line for line in lines if re.match(r"\w+ = ", line) and not line.startswith("title")]
+    assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
+
+
+def test_the_calibrated_values_give_the_published_force_and_coefficient(published):
+    """Theory section 2: F of (1.6) is 9740 N, (1.8) is 0.178961 of it; the formulas are written out here once more."""
+    nu, mu, q = 0.3, 0.35, 0.203e6
+    machine, modulus = published.machine, published.mix.overrides.effective_modulus
+    alpha = math.atan((2 - 2 * nu) / (mu * (1 - 2 * nu))) / math.pi
+    sine = 7.53 * (1 - nu**2) * alpha ** (1 - alpha) * (1 - alpha) ** (1 + alpha) * q / modulus
+    force = machine.roller_length * modulus * machine.roller_radius * sine**2
+    force /= 20.32 * (1 - nu**2) * alpha * (1 - alpha) ** 3
+    arm = sine / (1 - alpha) * (1 - 2 * alpha) / 3
+    assert force == pytest.approx(9740, rel=1e-6)
+    assert arm + machine.roller_friction + machine.bearing_friction == pytest.approx(
+        (3562 - 0.008 * 9480) / (2 * 9740), abs=1e-6
+    )
+
+
+def test_reading_a_scene_loads_no_heavy_library():
+    """Start-up: 0.3 s for the whole command; scipy and matplotlib cost more than that each."""
+    code = (
+        "import sys, compact.scene.loader; print(sorted({'scipy', 'matplotlib', 'skfem', 'pandas'} & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

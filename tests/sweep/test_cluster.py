@@ -1,6 +1,7 @@
 """Sweeps on a cluster of separate processes that fail, and the lock of a directory on a shared disk."""
 
 import json
+import logging
 import os
 import platform
 import signal
@@ -111,3 +112,24 @@ def test_lock_of_an_ended_process_is_taken_over(tmp_path):
     (tmp_path / LOCK).write_text(f"{ended.pid}\n{platform.node()}\n")
     with open_store(tmp_path / "points"):
         assert (tmp_path / LOCK).read_text().startswith(f"{os.getpid()}\n")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of threads of the client, whose connection ends
+def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(cluster, tmp_path, caplog, monkeypatch):
+    log = logging.getLogger("distributed.client")
+    monkeypatch.setattr(log, "handlers", [*log.handlers, caplog.handler])
+
+    def lose(points, failed):
+        if points:
+            cluster.scheduler.kill()
+
+    first = sweep()
+    with pytest.raises(RuntimeError, match=r"scheduler at tcp://.* is lost .*; finished points are kept, .* --resume"):
+        first.run(tmp_path / "out", executor=DaskExecutor(cluster.address), step=lose)
+    rest = sweep()
+    table = rest.run(tmp_path / "out", executor=SerialExecutor(), resume=True)
+    assert not [record.getMessage() for record in caplog.records if record.exc_info]  # no traceback before the sentence
+    assert first.store.computed >= 100
+    assert first.store.computed + rest.store.computed == 600
+    assert (table["reason"] == "").all()

@@ -161,3 +161,21 @@ def test_two_processes_give_the_same_bits_by_finite_elements(monkeypatch, tmp_pa
     for name in ("load", "resistance"):
         allowed = float(left[f"{name}_error"])
         assert float(left[name]) == pytest.approx(float(exact[name][0]), rel=allowed)
+
+
+def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
+    whole, _ = swept(tmp_path / "whole")
+    count = len(solved)
+
+    def interrupt(points, _failed):
+        if points:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", step=interrupt)
+    assert len(solved) == count + 6
+    table, many = swept(tmp_path / "out", resume=True)
+    assert len(solved) == 2 * count
+    assert many.store.computed == count - 6
+    xarray.testing.assert_identical(table, whole)
+    assert swept(tmp_path / "out", resume=True)[1].store.computed == 0

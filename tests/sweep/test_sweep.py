@@ -1,9 +1,12 @@
 """Sweeps: results independent of the executor, resumption, failed points, bands, maps and the command."""
 
+import gc
 import json
 import os
 import signal
 from functools import partial
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +16,9 @@ from sweeps import COLUMNS, FORMULA, swept
 
 from compact import files
 from compact.analysis.stages import ensemble
-from compact.analysis.stages.ensemble import Change, Task
+from compact.analysis.stages.ensemble import Change, Task, compute
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor
+from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, run_tasks
 from compact.files import ResultsError
 from compact.material.mix import prior
 from compact.report import sweep as sweep_report
@@ -294,3 +297,26 @@ def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
 
 
 # (h) the command
+
+
+def held(task):
+    """Memory [MB] that a worker holds after a task, without the garbage that Python has not collected yet."""
+    compute(task)
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [pytest.param("column", marks=pytest.mark.slow), pytest.param("spectral", marks=pytest.mark.nightly)],
+)
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
+def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
+    scene, names = FORMULA.replaced(**{"accuracy.engine": engine}), ("mix.moisture", "mix.density_ratio")
+    grid = product(np.linspace(0.08, 0.12, 25).tolist(), np.linspace(0.94, 0.98, 40).tolist())
+    points, size = [dict(zip(names, values, strict=True)) for values in grid], sweep.ENGINES[engine].points_per_task
+    tasks = [task(scene, points[start : start + size], files.versions()) for start in range(0, 1000, size)]
+    with ProcessExecutor(1) as executor:
+        memory = {number: job.result() for number, job in run_tasks(held, tasks, executor)}
+    last = len(memory) - 1  # the first tasks load what all need
+    assert memory[last] - memory[last // 2] < 0.5
