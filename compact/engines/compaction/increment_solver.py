@@ -177,7 +177,6 @@ class IncrementSolver:
 
     def _factorise(self, before: SolidState, trial: _Trial, elastic_share: float) -> None:
         """Factorise the tangent at a trial, whose increment is integrated again, with a share of the elastic one."""
-        self.solve_tangent = None  # frees the factors of the last tangent
         displacement, contact = trial.increment.after.displacement, trial.contact
         stiffness = self.solid.increment(before, displacement, near=trial.increment).element_stiffness
         if elastic_share:

@@ -4,7 +4,8 @@ Before a step all mix is convected towards the rear by one element (`RollerFrame
 parts of an element, each an increment in equilibrium (`increment_solver`). Load and resistance of a step are the means
 of its parts: they oscillate within an element as its nodes enter the contact. The prediction of a part is the
 displacement change of the same part of the last step, and the tractions of that part are its multipliers, so that a
-steady motion repeats itself. `steady_search` decides how far to roll.
+steady motion repeats itself. Newton's method begins with the factorised tangent of that part, which in steady motion
+need not be factorised again. `steady_search` decides how far to roll.
 
 The length of an increment causes a far larger error than the size of the elements. Mix that enters the contact is
 strained along a straight path in each increment, in truth first along the free surface and then along the roller.
@@ -22,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import SUBSTEPS, FloatArray, SolidState
+from compact.engines.compaction.finite_strain_solid import SUBSTEPS, FloatArray, LinearSolver, SolidState
 from compact.engines.compaction.increment_solver import Equilibrium, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame
@@ -202,6 +203,7 @@ class IncrementalRolling:
         # the slip of a part is as much smaller, and its multiplier shall change as fast
         self.surface = replace(roller_surface(frame, roller, torque), shear_penalty_ratio=float(parts))
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, ROLLING_TOLERANCE)
+        self._tangents: list[LinearSolver | None] = [None] * parts  # factorised, of the parts; copies share them
         self.state = frame.initial_state()
         self.parts = (RollingPart(self.surface.multipliers, np.zeros_like(self.state.displacement)),) * parts
         self.steps: tuple[RollingStep, ...] = ()
@@ -249,7 +251,7 @@ class IncrementalRolling:
         surface, state = self.surface.moved_to(self.surface.bottom_height, -frame.step), frame.convect(self.state)
         pressures = mean_pressure(self.state)
         parts: tuple[RollingPart, ...] = ()
-        for part, height, position in zip(self.parts, heights, self._positions, strict=True):
+        for index, (part, height, position) in enumerate(zip(self.parts, heights, self._positions, strict=True)):
             carried = None
             if isinstance(frame.solid.material, DruckerPragerCap):
                 carried = pressures if part.carried_pressure is None else part.carried_pressure
@@ -258,10 +260,12 @@ class IncrementalRolling:
             surface = moved.moved_to(float(height), position)
             prediction, fixed = state.displacement + part.displacement_change, frame.solid.fixed_dofs
             prediction.ravel()[fixed] = state.displacement.ravel()[fixed]
+            self.solver.solve_tangent = self._tangents[index] or self.solver.solve_tangent
             try:
                 equilibrium = self.solver.solve(state, surface, prediction, damping)
             except EquilibriumError:
                 equilibrium = self._solve_in_halves(state, moved, surface)
+            self._tangents[index] = self.solver.solve_tangent
             iterations, pressures = iterations + equilibrium.iterations, mean_pressure(equilibrium.state)
             parts += (self._part(state, surface, equilibrium, carried, pressures),)
             state, surface = equilibrium.state, surface.with_multipliers(equilibrium.contact)
@@ -331,9 +335,8 @@ class IncrementalRolling:
                 return replace(equilibrium, iterations=iterations)
             except EquilibriumError as error:
                 reason = error
-        depth, reached = 1e3 * (self.frame.mesh.height - after.bottom_height), "no step before"
-        if self.steps:
-            reached = f"last step: travel {self.steps[-1].travel:.3g} m, {self.steps[-1]}"
+        depth, last = 1e3 * (self.frame.mesh.height - after.bottom_height), self.steps[-1] if self.steps else None
+        reached = f"last step: travel {last.travel:.3g} m, {last}" if last else "no step before"
         raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
     @property
@@ -372,7 +375,6 @@ class IncrementalRolling:
     def restart(self, state: SolidState, parts: tuple[RollingPart, ...]) -> None:
         """Continue from a changed state, and from parts whose carried pressure no longer counts."""
         self.state, self.parts = state, tuple(replace(part, carried_pressure=None) for part in parts)
-        self.solver.solve_tangent = None
 
     def change_by(self, state: SolidState, pressure: FloatArray, displacement: FloatArray) -> None:
         """Continue from a state after a jump.
