@@ -71,13 +71,13 @@ def test_column_on_an_elastic_lower_lift_settles_by_its_oedometric_strain():
 
 @pytest.mark.parametrize("ratio", [0.98, 0.95], ids=["elastic", "yielding"])
 def test_thin_layers_tend_to_columns_in_series(ratio):
-    """Contact length ten times both heights together, small strain; P .1 %, F .3 % beside the error of columns."""
+    """Contact length ten times both heights together, small strain; 32 elements have P .1 %, F .07 % above columns."""
     layer = Layer(HEIGHT, lower_lift=LowerLift(thickness=HEIGHT, density_ratio=ratio))
     roller = Roller((20 * HEIGHT) ** 2 / (2 * 0.036 * HEIGHT), indentation=0.036 * HEIGHT)
     columns = column.roll(layer, roller, THIN, 0.2, strain="small")
     rolled = roll(layer, roller, THIN, 0.2, strain="small", increments=12)
     assert rolled.load == pytest.approx(columns.load, rel=3e-3)
-    assert rolled.resistance == pytest.approx(1.003 * columns.resistance, rel=rolled.error[1])
+    assert rolled.resistance == pytest.approx(1.0007 * columns.resistance, rel=rolled.error[1])
     assert rolled.error[1] < 6e-3
     assert rolled.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=2e-4)
     assert rolled.lower_density_ratio == pytest.approx(columns.lower_density_ratio, abs=2e-4)

@@ -28,6 +28,7 @@ from compact.engines.compaction.roller_contact import ContactForces, RollerSurfa
 from compact.rolling_contact import EquilibriumError
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
+PREDICTED_SHARE = 0.1  # [-], of the tolerance of a prediction, or steady motion would repeat its residual
 MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
 GOOD_REDUCTION = 0.3  # [-], ratio of successive residuals up to which a factorised tangent is reused
 OVERSHOOT_LIMIT = 0.3  # [-], residual along the direction that a step beyond the minimum may leave, over its start
@@ -150,7 +151,7 @@ class IncrementSolver:
         share, first_length, residuals = 0.0, 1.0, []
         for iteration in range(MAX_ITERATIONS):
             residuals.append(trial.size)
-            if trial.size <= self.tolerance:
+            if trial.size <= (self.tolerance if iteration else PREDICTED_SHARE * self.tolerance):
                 self._last_increment = trial.increment
                 return Equilibrium(trial.increment.after, trial.contact, trial.undamped_size, iteration)
             stalled = iteration > 0 and residuals[-1] > GOOD_REDUCTION * residuals[-2]

@@ -222,9 +222,8 @@ class IncrementalRolling:
     @property
     def creepage(self) -> float | None:
         """Creepage of a roller that sticks and slips, mean of the parts [-], else None."""
-        if self.contact.creepage is None:
-            return None
-        return float(np.mean([part.contact.creepage or 0.0 for part in self.parts]))
+        of_parts = [part.contact.creepage or 0.0 for part in self.parts]
+        return None if self.contact.creepage is None else float(np.mean(of_parts))
 
     def advance(self, bottom_height: float, damping: float = DAMPING) -> RollingStep:
         """Roll by one element.
