@@ -126,16 +126,19 @@ def published_mix(fed_density_ratio, **changes):
 
 
 FREE = {"friction": 0.35, "rolling": "free", "profile": "deformed"}
-# height, roller and mix; load and resistance [N/m] by an independent explicit code, and the tolerances
+# height, roller and mix; load and resistance [N/m] by an independent explicit code, the tolerances, and the largest
+# residual of the work balance: the second lift has 4.1e-3 on 7 elements, 1.1e-3 on 10 and 1.0e-3 on 14
 INDEPENDENT = {
     "published lift": (
-        0.06284, Roller(0.11, indentation=3e-3, **FREE), published_mix(0.93576), (9320, 1960), (0.008, 0.01)
+        0.06284, Roller(0.11, indentation=3e-3, **FREE), published_mix(0.93576), (9320, 1960), (0.008, 0.01), 2e-3
     ),
     "published lift, limit .999": (
         0.06284, Roller(0.11, indentation=3e-3, **FREE), published_mix(0.93576, saturation_limit=0.999),
-        (9330, 1850), (0.008, 0.01),
+        (9330, 1850), (0.008, 0.01), 2e-3,
     ),
-    "second lift": (0.045, Roller(0.2, indentation=2e-3, **FREE), published_mix(0.94), (7100, 641), (0.015, 0.01)),
+    "second lift": (
+        0.045, Roller(0.2, indentation=2e-3, **FREE), published_mix(0.94), (7100, 641), (0.015, 0.01), 4.5e-3
+    ),
 }  # fmt: skip
 
 
@@ -143,11 +146,11 @@ INDEPENDENT = {
 @pytest.mark.parametrize("name", INDEPENDENT)
 def test_independent_explicit_rolling_is_reproduced(name):
     """Central differences, Lagrangian elements of 1.5 to 3 mm, cutting-plane return, kinematic contact."""
-    height, roller, mix, (load, resistance), (of_load, of_resistance) = INDEPENDENT[name]
+    height, roller, mix, (load, resistance), (of_load, of_resistance), of_work = INDEPENDENT[name]
     rolled = roll(Layer(height), roller, mix, 0.13)
     assert rolled.load == pytest.approx(load, rel=of_load)
     assert rolled.resistance == pytest.approx(resistance, rel=of_resistance)
-    assert rolled.work_residual < 4e-3
+    assert rolled.work_residual < min(of_work, rolled.error[1])  # the told error covers it
     if name == "published lift":  # its density at heights over that of the layer; the top row is 6 % of it
         height_share = np.array([0.02, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9])
         density = np.interp(height_share, rolled.exit.y / rolled.exit_height, rolled.exit.points.density_ratio)
