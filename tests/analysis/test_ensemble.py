@@ -95,6 +95,7 @@ def test_results_are_returned_in_any_order_and_again_and_errors_are_raised(creat
             executor.submit(fails, 5).result()
 
 
+@pytest.mark.slow
 def test_task_of_a_killed_worker_is_repeated_by_workers_of_one_thread_without_interrupts(tmp_path):
     before, executor = os.environ.get("OMP_NUM_THREADS"), ProcessExecutor(2)
     found = collected(dies_once, [(number, tmp_path / f"{number}") for number in range(4)], executor)

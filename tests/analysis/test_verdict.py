@@ -124,6 +124,7 @@ def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
     assert "one-dimensional Heckel slope K_H" in [each["what"] for each in text.measurements(study())]
 
 
+@pytest.mark.slow
 def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
     known = study().uncertainty
     law = known.laws[FORCE]

@@ -55,6 +55,7 @@ def test_carried_pressure_is_that_of_the_mix_in_steady_motion(loose):
     assert (excess > -100.0).sum() > 30  # mix slides on the line
 
 
+@pytest.mark.slow
 def test_coefficient_of_loose_mix_is_that_of_the_table(loose):
     """Fed at 0.90 the K0 cap and the line have 0.140 on 6 elements; 4 have 0.003 less."""
     step = loose.steps[-1]

@@ -65,6 +65,7 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("winch_drive", None)
 
 
+@pytest.mark.slow
 def test_drive_of_another_package_is_run_compared_and_reported(installed, monkeypatch, tmp_path):
     monkeypatch.setattr("compact.analysis.stages.uncertainty.SAMPLES", 64)
     assert scene_schema()["definitions"]["Drive"]["properties"]["kind"]["enum"] == [*DRIVES]
