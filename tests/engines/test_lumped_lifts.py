@@ -57,14 +57,13 @@ def fake_roll(monkeypatch):
         share = 1 - roller.indentation / fed_layer.height
         points = replace(fed_layer.points, density_ratio=fed_layer.points.density_ratio / share)
         pressed = replace(fed_layer, heights=fed_layer.heights * share, points=points)
-        return SimpleNamespace(exit=pressed, indentation=roller.indentation, bow_wave=0.0)
+        return SimpleNamespace(exit=pressed, indentation=roller.indentation, bow_wave=0.0, work_residual=0.0)
 
     def record(passed, before, thickness, *_):
         found = sequence(to=0.8).lifts[0]
         return replace(found, thickness=thickness, density_ratio=passed.exit.density_ratio)
 
     monkeypatch.setattr(lumped_lifts, "roll", press)
-    monkeypatch.setattr(lumped_lifts, "_with_closed_energy", lambda passed: passed)
     monkeypatch.setattr(lumped_lifts, "gyrations_of", lambda *_: 1.0)
     monkeypatch.setattr(lumped_lifts, "_lift", record)
     return bites
@@ -88,11 +87,31 @@ def test_sequence_ends_where_the_mix_heaps_up(fake_roll, monkeypatch):
     def roll(*args, **options):
         wave = 0.0026 if len(fake_roll) == 3 else 0.0024  # of a bite of 5 mm
         passed = press(*args, **options)
-        return SimpleNamespace(exit=passed.exit, indentation=0.005, bow_wave=wave)
+        return SimpleNamespace(exit=passed.exit, indentation=0.005, bow_wave=wave, work_residual=0.0)
 
     monkeypatch.setattr(lumped_lifts, "roll", roll)
     found = lifts_of(Column(0.22, 0.75))
     assert (len(found.lifts), found.stopped) == (4, "from lift 4 on the mix heaps up, in a wave of 2.6 mm")
+
+
+def test_pass_whose_energy_stays_open_is_rolled_on_a_finer_mesh(fake_roll, monkeypatch):
+    press, meshes, settlings = lumped_lifts.roll, [], []
+
+    def roll(*args, increments, **options):
+        meshes.append(increments)
+        passed = press(*args, increments=increments, **options)
+        passed.work_residual = 0.011 if len(meshes) == 2 else 0.009  # of a lift that is asked for 0.01
+        return passed
+
+    def settle(passed):
+        settlings.append(passed)
+        return passed
+
+    monkeypatch.setattr(lumped_lifts, "roll", roll)
+    monkeypatch.setattr(lumped_lifts, "_settled", settle)
+    lifts_of(Column(0.22, 0.75))
+    assert meshes[:4] == [6, 6, 8, 6]
+    assert len(settlings) == lumped_lifts.SETTLINGS_MAX
 
 
 def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):

@@ -251,9 +251,8 @@ class IncrementalRolling:
         pressures = mean_pressure(self.state)
         parts: tuple[RollingPart, ...] = ()
         for index, (part, height, position) in enumerate(zip(self.parts, heights, self._positions, strict=True)):
-            carried = None
-            if isinstance(frame.solid.material, DruckerPragerCap):
-                carried = pressures if part.carried_pressure is None else part.carried_pressure
+            last = pressures if part.carried_pressure is None else part.carried_pressure
+            carried = last if isinstance(frame.solid.material, DruckerPragerCap) else None
             state = replace(state, carried_pressure=carried)
             moved = surface.with_multipliers(part.contact).begin_increment(state.displacement[frame.surface_nodes])
             surface = moved.moved_to(float(height), position)

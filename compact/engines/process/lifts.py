@@ -269,11 +269,11 @@ def simulate_lifts(
     LiftSequence
         Without the lifts after one that has no steady state.
     """
-    lifts, stopped, height = list[LumpedLift](), "", problem.machine.height
+    lifts, stopped, height, wave = list[LumpedLift](), "", problem.machine.height, np.inf
     material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
     filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
     state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
-    kneaded, gained, wave, accuracy = 0.0, 0.0, np.inf, {"increments": increments, "steady_tolerance": STEADY_TOLERANCE}
+    kneaded = gained = 0.0
     while not lifts or (lifts[-1].density_ratio < density_ratio and len(lifts) < LIFTS_MAX):
         # a fill above the lowest generatrix, or elastic recovery, is pressed alone
         fed = 0.0 if state.height + thickness - height > problem.machine.max_bite else thickness
@@ -285,7 +285,7 @@ def simulate_lifts(
             slope = problem.material.heckel_slope * float(problem.kneading.slope_factor(kneaded + gained / 2))
             material = replace(material, heckel_slope=slope)
         try:
-            passed = _passed(problem.machine, material, raised, friction, rate_factor, **accuracy)
+            passed = _passed(problem.machine, material, raised, friction, rate_factor, increments)
         except (RuntimeError, ValueError) as error:  # no steady state, or more mix than fits
             if not lifts:
                 raise
@@ -296,8 +296,7 @@ def simulate_lifts(
         gained = gyrations_of(material, densities, lift.surface, lift.resistance, rate_factor)
         kneaded += gained
         lifts.append(replace(lift, gyrations=kneaded))
-        state = passed.exit
-        before, wave = wave, passed.bow_wave
+        state, before, wave = passed.exit, wave, passed.bow_wave
         if wave > max(before, WAVE_SHARE * passed.indentation):
             stopped = f"from lift {len(lifts)} on the mix heaps up, in a wave of {wave * 1e3:.1f} mm"
             break
@@ -305,16 +304,26 @@ def simulate_lifts(
 
 
 def _passed(
-    machine: FormingMachine, material: Compaction, raised: LayerState, friction: float, factor: float, **accuracy: Any
+    machine: FormingMachine, material: Compaction, raised: LayerState, friction: float, factor: float, increments: int
 ) -> CompactionContactResult:
-    """Return the pass of the roller over a raised section, at the speed at which its yield has the rate factor."""
+    """Return the pass of the roller over a raised section, at the speed at which its yield has the rate factor.
+
+    A pass whose energy does not close rolls on, and then again on a finer mesh.
+    """
     bite, speed, m = raised.height - machine.height, machine.cart_speed, material.rate_sensitivity
     if m and factor >= 1 + RATE_ROUNDING:
         own = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
         speed *= float(np.expm1((factor - 1) / m) / np.expm1((own - 1) / m))
     roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
+    accuracy: dict[str, Any] = {"steady_tolerance": STEADY_TOLERANCE, "fed_layer": raised}
     with threadpool_limits(1):  # threads of a factorisation wait for one another
-        return _with_closed_energy(roll(Layer(raised.height), roller, material, speed, fed_layer=raised, **accuracy))
+        for elements in (increments, increments + 2):  # what settling leaves open is of the mesh
+            passed = roll(Layer(raised.height), roller, material, speed, increments=elements, **accuracy)
+            for _ in range(SETTLINGS_MAX):
+                if (passed.work_residual or 0.0) < ENERGY_TOLERANCE:
+                    return passed
+                passed = _settled(passed)
+    return passed
 
 
 def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> float:
@@ -336,19 +345,14 @@ def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> flo
     return share * min(machine.max_bite, max(float(make_up.sum()) / LIFTS_MIN, single))
 
 
-def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactResult:
-    """Return the pass after further travel until its energy closes, or the mix at its exit has left the last jump."""
+def _settled(passed: CompactionContactResult) -> CompactionContactResult:
+    """Return the pass after further travel, in which the mix at its exit leaves the last jump behind."""
     rolling, height = passed.solution, passed.solution.steps[-1].bottom_height
-    count = int(np.ceil(SETTLING_SHARE * height / rolling.frame.step))
     rolling.solver.tolerance = ROLLING_TOLERANCE
-    for _ in range(SETTLINGS_MAX):
-        if (passed.work_residual or 0.0) < ENERGY_TOLERANCE:
-            break
-        for _ in range(count):
-            rolling.advance(height, FINAL_DAMPING_RATIO * DAMPING)
-        result = build_result(rolling, passed.layer, passed.roller, passed.material, passed.speed)
-        passed = replace(result, error=passed.error, error_parts=passed.error_parts, relaxation=passed.relaxation)
-    return passed
+    for _ in range(int(np.ceil(SETTLING_SHARE * height / rolling.frame.step))):
+        rolling.advance(height, FINAL_DAMPING_RATIO * DAMPING)
+    result = build_result(rolling, passed.layer, passed.roller, passed.material, passed.speed)
+    return replace(result, error=passed.error, error_parts=passed.error_parts, relaxation=passed.relaxation)
 
 
 def _lift(
