@@ -95,7 +95,7 @@ class _Wave:
 
     @property
     def top(self) -> float:
-        """Contact lengths in fresh mix until the first front stands."""
+        """Contact lengths in fresh mix to the top of the first front."""
         return (1 - self.film) / CLIMB + self.film * FILM_CLIMB
 
     def rise(self, x: Array) -> Array:

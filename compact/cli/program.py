@@ -103,7 +103,7 @@ def new(
 ) -> None:
     """Write a commented scene that runs as it is, and the schema by which editors complete its keys.
 
-    In a terminal, without options of the machine, it asks for each of them.
+    In a terminal and without options of the machine, the user is prompted for each of them.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ class LiftSequence:
     thickness : float
         Thickness t of a lift [m].
     increments : int
-        Elements per contact length.
+        Elements per contact length; two more for a lift whose energy stays open on them.
     lifts : tuple of LumpedLift
         Lifts in order.
     stopped : str
