@@ -13,25 +13,23 @@ swings on its blocked drive:
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
+from compact.analysis.contact_cases import contact_inputs, on_roller, roll_scene, scene_mix
 from compact.analysis.stages.ensemble import Change, ensemble
 from compact.engines.process.kneading import KneadingFit
 from compact.material import mix
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
-from compact.scene.constraints import STATIC_SLOPES
+from compact.scene import constraints, plant_data, schema
 from compact.scene.loader import Scene, SceneError
-from compact.scene.plant_data import Compression, Deflection, KeyValue, Measured
-from compact.scene.schema import unit_of
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 CONFIDENCE = 0.95  # [-], of the ± of a stiffness and a damping, by Student's t
@@ -92,7 +90,7 @@ class Calibration:
     model: "_Model"
     fit: SpaceMappingFit
     rolled: tuple[ContactResult, ...]
-    elements: "_FiniteElements | None" = None
+    elements: Contact | None = None
     coarse: "Calibration | None" = None
 
     @property
@@ -136,7 +134,7 @@ class Calibration:
         return changes | {"layer.fed_density_ratio": self.fed_density_ratio, "mix.fitted_at": place}
 
     @property
-    def sensitivity(self) -> NDArray[np.float64]:
+    def sensitivity(self) -> Array:
         """Relative change of each unknown over that of each datum [-], shape (unknowns, data)."""
         k, required = self.fed_density_ratio, self.scene.mix.density_ratio
         by_logit = (k - LOOSE) * (required - k) / (required - LOOSE) / k  # d ln k/d logit
@@ -146,7 +144,7 @@ class Calibration:
 
 def calibrate(
     scene: Scene,
-    measured: Measured,
+    measured: plant_data.Measured,
     engine: str = "column",
     unknowns: Sequence[str] = UNKNOWNS,
     initial_guess: Calibration | None = None,
@@ -195,10 +193,11 @@ def calibrate(
         raise ValueError(f"`initial_guess` must be a calibration of finite elements that {fitted}")
     coarse: Calibration | None = None
     elements, fine, start, correction = None, None, model.start, None
+    rolled: dict[Any, ContactResult] = {}  # by finite elements, in the last trial
     if engine == "compaction":
         if guess is None and options.get("increments") != COARSE_INCREMENTS:
             guess = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
-        elements = _FiniteElements(options)
+        elements = partial(_by_elements, options, rolled)
         fine = partial(model.predicted, contact=elements)
         start, correction = (guess.fit.unknowns, guess.fit.correction) if guess else (model.shallow_start, None)
     mapping: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
@@ -211,8 +210,8 @@ def calibrate(
         remedy = "use --engine compaction, a higher layer.lift_thickness, or fewer --parameters"
         raise SceneError([f"{words}; {remedy}"]) from error
     found = model.scene_at(fit.unknowns)
-    rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
-    return Calibration(found, model, fit, tuple(rolled), elements, coarse)
+    contacts = (rolled[each] if elements else _column(found, each) for each in measured.measurements)
+    return Calibration(found, model, fit, tuple(contacts), elements, coarse)
 
 
 @dataclass(frozen=True)
@@ -223,7 +222,7 @@ class _Model:
     """
 
     scene: Scene
-    measured: Measured
+    measured: plant_data.Measured
     unknowns: tuple[str, ...]
 
     @property
@@ -242,14 +241,14 @@ class _Model:
         return float(np.log(share / (1 - share))) if 0 < share < 1 else np.nan
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Array:
         """Unknowns of the scene."""
         logit = self.logit(self.scene.layer.fed_density_ratio)
         known = (np.log(scene_mix(self.scene).heckel_slope), START_LOGIT if np.isnan(logit) else logit)
         return np.array([known[UNKNOWNS.index(name)] for name in self.unknowns])
 
     @property
-    def shallow_start(self) -> NDArray[np.float64]:
+    def shallow_start(self) -> Array:
         """Unknowns of a small contact angle with about the load, for the first trial of the finite elements."""
         start, names = dict(zip(self.unknowns, self.start, strict=True)), [name for name, _ in self.data]
         if "fed_density_ratio" in start:
@@ -262,7 +261,7 @@ class _Model:
             start["heckel_slope"] += np.log(PLANE_STRAIN_FACTOR * found / self.values[load])
         return np.array(list(start.values()))
 
-    def scene_at(self, u: NDArray[np.float64]) -> Scene:
+    def scene_at(self, u: Array) -> Scene:
         """Return the scene with the unknowns `u`; the Heckel slope of a trial has no limits."""
         known, required = dict(zip(self.unknowns, u.tolist(), strict=True)), self.scene.mix.density_ratio
         changes: dict[str, Any] = {}
@@ -274,21 +273,15 @@ class _Model:
             changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) * share)
         return self.scene.replaced(**changes)
 
-    def predicted(self, u: NDArray[np.float64], contact: Contact) -> NDArray[np.float64]:
+    def predicted(self, u: Array, contact: Contact) -> Array:
         """Predict the data for the unknowns `u` by a function of scene and measurement."""
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
-            rolled = contact(trial, measurement)
-            resistance = abs(rolled.resistance)
-            known = {
-                "load": rolled.load * length,
-                "resistance": resistance * length,
-                "resistance_coefficient": resistance / rolled.load,
-            }
+            known = on_roller(contact(trial, measurement), length)
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 
-    def columns(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def columns(self, u: Array) -> Array:
         """Predict the data by columns."""
         return self.predicted(u, _column)
 
@@ -318,27 +311,22 @@ def _column(scene: Scene, measurement: Any) -> ContactResult:
     return roll_scene(scene, scene_mix(scene), speed, "column")
 
 
-@dataclass(eq=False)
-class _FiniteElements:
-    """Contacts of successive trials by finite elements, each from scratch and at the required density."""
+def _by_elements(
+    options: dict[str, Any], rolled: dict[Any, ContactResult], scene: Scene, measurement: Any
+) -> ContactResult:
+    """Compute and keep the contact of a trial by finite elements, from scratch and at the required density."""
+    from compact.engines.column.engine import required_feed
+    from compact.engines.compaction import engine as compaction
 
-    options: dict[str, Any]
-    rolled: dict[Any, ContactResult] = field(default_factory=dict)
-
-    def __call__(self, scene: Scene, measurement: Any) -> ContactResult:
-        from compact.engines.column.engine import required_feed
-        from compact.engines.compaction import engine as compaction
-
-        scene, speed = _as_measured(scene, measurement)
-        layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
-        assert isinstance(material, Compaction)  # of this engine
-        required = scene.mix.density_ratio
-        feed = required_feed(layer.height, required, material, speed, radius=roller.radius)
-        roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
-        options = {"steady_tolerance": STEADY_TOLERANCE} | self.options
-        result = compaction.roll(layer, roller, material, speed, exit_density_ratio=required, **options)
-        self.rolled[measurement] = result
-        return result
+    scene, speed = _as_measured(scene, measurement)
+    layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
+    assert isinstance(material, Compaction)  # of this engine
+    required = scene.mix.density_ratio
+    feed = required_feed(layer.height, required, material, speed, radius=roller.radius)
+    roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
+    options = {"steady_tolerance": STEADY_TOLERANCE} | options
+    rolled[measurement] = compaction.roll(layer, roller, material, speed, exit_density_ratio=required, **options)
+    return rolled[measurement]
 
 
 # the drive
@@ -377,7 +365,7 @@ class Estimate:
 DRIVE_UNITS = {"stiffness": "N/m", "damping": "N s/m", "backlash": "m"}
 
 
-def calibrate_drive(scene: Scene, measured: Measured) -> dict[str, Estimate]:
+def calibrate_drive(scene: Scene, measured: plant_data.Measured) -> dict[str, Estimate]:
     """Determine stiffness, damping and backlash of an elastic drive from deflection and tap tests.
 
     Returns
@@ -412,7 +400,7 @@ def _mean(values: Sequence[float]) -> Estimate:
     return Estimate(float(np.mean(values)), float(error), freedom)
 
 
-def _bent(readings: Sequence[Deflection]) -> dict[str, Estimate]:
+def _bent(readings: Sequence[plant_data.Deflection]) -> dict[str, Estimate]:
     """Fit a line of deflection over force by least squares; stiffness, and backlash where both signs are read.
 
     One reading has its zero at no deflection.
@@ -433,10 +421,13 @@ def _bent(readings: Sequence[Deflection]) -> dict[str, Estimate]:
     return known | ({"backlash": Estimate(float(found[2]), float(errors[2]), freedom)} if both else {})
 
 
-def with_scene_lines(lines: Iterable[str], tables: Mapping[str, Sequence[str]]) -> str:
-    """Return a text, and the lines for the tables of the scene."""
-    of_tables = (line for table, keys in tables.items() for line in (f"[{table}]", *keys))
-    return "\n".join([*lines, "", "for the scene:", *of_tables])
+def with_scene_lines(lines: Iterable[str], values: Mapping[str, str]) -> str:
+    """Return a text, and the lines for the tables of the scene of values by key, each with its comment."""
+    tables: dict[str, list[str]] = {}
+    for key, value in values.items():
+        table, _, name = key.rpartition(".")
+        tables.setdefault(table, [f"[{table}]"]).append(f"{name} = {value}")
+    return "\n".join([*lines, "", "for the scene:", *(line for each in tables.values() for line in each)])
 
 
 def drive_digest(found: Mapping[str, Estimate], mass: float) -> str:
@@ -447,22 +438,21 @@ def drive_digest(found: Mapping[str, Estimate], mass: float) -> str:
     mass : float
         Mass of the cart [kg].
     """
-    lines, keys, stiffness = [], [], found["stiffness"]
-    for name, unit in ((name, unit) for name, unit in DRIVE_UNITS.items() if name in found):
-        each = found[name]
+    lines, values, stiffness = [], {}, found["stiffness"]
+    for name, unit, each in ((name, unit, found[name]) for name, unit in DRIVE_UNITS.items() if name in found):
         told = "one reading, no error" if np.isnan(each.error) else f"standard error {each.error:.2g} {unit}"
         lines.append(f"{name:<12}{each.value:>12.5g} {unit:<6} {told}")
-        keys.append(f"{name} = {each.value:.6g}  # {unit}; {each.origin}")
+        values[f"drive.{name}"] = f"{each.value:.6g}  # {unit}; {each.origin}"
     if "damping" in found:
         ratio = found["damping"].value / (2 * np.sqrt(stiffness.value * mass))
         lines.append(f"damping ratio {ratio:.3g} with the cart of {mass:g} kg")
     if (tapped := found.get("tapped_stiffness", stiffness)) is not stiffness:
         swinging = stiffness.value / tapped.value * mass
         lines.append(f"the frequency is that of {swinging:.4g} kg on this stiffness, the scene has {mass:g} kg")
-    return with_scene_lines(lines, {"drive": keys})
+    return with_scene_lines(lines, values)
 
 
-def fit_slope(readings: Sequence[Compression]) -> Estimate:
+def fit_slope(readings: Sequence[plant_data.Compression]) -> Estimate:
     """Fit the curve of the mix, K_H p = ln[(1 - k0)/(1 - k)] from loose mix k0, to readings of confined compression.
 
     Raises
@@ -479,25 +469,27 @@ def fit_slope(readings: Sequence[Compression]) -> Estimate:
 def slope_digest(scene: Scene, found: Estimate) -> str:
     """Describe a fit of the Heckel slope at the moisture of a scene in text, with the lines for it."""
     lines = [f"Heckel slope {found.value * 1e6:.3g} per MPa by {found.freedom + 1} readings of confined compression"]
-    if found.value <= STATIC_SLOPES[2]:
+    if found.value <= constraints.STATIC_SLOPES[2]:
         lines.append(
             "a slope as of unkneaded mix, for process.kneading; a pass over kneaded mix has about three times it"
         )
-    place = [f"moisture = {scene.mix.moisture:g}", f"density_ratio = {scene.mix.density_ratio:g}"]
-    return with_scene_lines(lines, {
-        "mix.overrides": [f"heckel_slope = {found.value:.4g}  # 1/Pa; {found.origin}"],
-        "mix.fitted_at": [*place, 'parameters = ["heckel_slope"]'],
-    })  # fmt: skip
+    return with_scene_lines(
+        lines,
+        {
+            "mix.overrides.heckel_slope": f"{found.value:.4g}  # 1/Pa; {found.origin}",
+            "mix.fitted_at.moisture": f"{scene.mix.moisture:g}",
+            "mix.fitted_at.density_ratio": f"{scene.mix.density_ratio:g}",
+            "mix.fitted_at.parameters": '["heckel_slope"]',
+        },
+    )
 
 
-def value_lines(scene: Scene, values: Sequence[KeyValue]) -> str:
+def value_lines(scene: Scene, values: Sequence[plant_data.KeyValue]) -> str:
     """Return the lines for the scene of measured values, after validation of each; SceneError for a mistake."""
     scene.require_fields(**{each.key: each.value for each in values})
-    tables: dict[str, list[str]] = {}
-    for each in values:
-        (table, _, name), unit = each.key.rpartition("."), unit_of(each.key)
-        tables.setdefault(table, []).append(f"{name} = {each.value:g}  #{unit}; measured ± {each.error:g}{unit}")
-    return with_scene_lines((), tables).lstrip()
+    given = ((each, schema.unit_of(each.key)) for each in values)
+    lines = {each.key: f"{each.value:g}  #{unit}; measured ± {each.error:g}{unit}" for each, unit in given}
+    return with_scene_lines((), lines).lstrip()
 
 
 def kneading_digest(found: KneadingFit) -> str:
@@ -506,10 +498,13 @@ def kneading_digest(found: KneadingFit) -> str:
     lines = [f"static Heckel slope {slope * 1e6:.3g} per MPa {name}".rstrip() for name, slope in slopes.items()]
     lines.append(f"gain {gain:.3g} at the first gyration, exponent {exponent:.3g}; rms of the density {found.rms:.2g}")
     mean = float(np.exp(np.mean(np.log([*slopes.values()]))))
-    return with_scene_lines(lines, {
-        "mix.overrides": [f"heckel_slope = {mean:.4g}  # 1/Pa; static, measured"],
-        "process": [f"kneading = [{gain:.4g}, {exponent:.4g}]  # measured"],
-    })  # fmt: skip
+    return with_scene_lines(
+        lines,
+        {
+            "mix.overrides.heckel_slope": f"{mean:.4g}  # 1/Pa; static, measured",
+            "process.kneading": f"[{gain:.4g}, {exponent:.4g}]  # measured",
+        },
+    )
 
 
 def calibration_digest(calibration: Calibration) -> str:

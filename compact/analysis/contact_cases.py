@@ -9,8 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,16 +26,12 @@ from compact.quantities import PASS
 from compact.rolling_contact import Contact, HeapingError, Layer, LowerLift, Ply, Roller
 from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
-
-if TYPE_CHECKING:
-    from compact.engines.process.lifts import ProcessDetail
+from compact.scene.schema import ProcessDetail
 
 Progress = Callable[[str], None]  # of lines of text
 Passes = tuple[Contact, ...]
 
-TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
-    {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
-)
+TARGETS = {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}  # held -> keyword of `Roller`
 
 # parameters of the mix that both laws of compaction take, and those of the cap with a shear line
 COMMON = ("unloading_modulus", "poisson", "heckel_slope", "saturation_limit", "rate_sensitivity", "reference_rate")
@@ -50,10 +45,6 @@ def scene_mix(scene: Scene) -> Mix:
     origin = "fitted at another moisture or density ratio, scaled by the prior"
     moved = {name: replace(mix.parameter(name), flag="calibrated", origin=origin) for name in given.scaled_fits}
     return replace(mix, parameters=tuple(moved.get(p.name, p) for p in mix.parameters))
-
-
-def _relaxed(_scene: Scene, mix: Mix) -> Elastic:
-    return Elastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson)
 
 
 def _viscoelastic(_scene: Scene, mix: Mix) -> Viscoelastic:
@@ -88,7 +79,7 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
 
 
 LAWS: dict[str, Callable[[Scene, Mix], Elastic | Viscoelastic | Compaction]] = {
-    "half-plane": _relaxed,
+    "half-plane": lambda _, mix: Elastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson),
     "linear layer": _viscoelastic,
     "compacting layer": compaction_material,
     "process": compaction_material,
@@ -129,7 +120,7 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
     return tuple(scene.mean_speed * share for share in ENGINES[scene.accuracy.engine].speed_shares)
 
 
-def process_detail(scene: Scene) -> "ProcessDetail":
+def process_detail(scene: Scene) -> ProcessDetail:
     """Return the detail of the forming process of a scene by the engine "process", lumped lifts by default."""
     return (scene.process and scene.process.detail) or "deep"
 
@@ -305,6 +296,13 @@ def roll_passes(
     stages = (replace(forward, exit_density_ratio=value if name == "exit_density_ratio" else None), *later)
     with named_errors(scene, engine.name, speed):
         return roll_stages(replace(case, numerics=numerics), stages, engine, first)
+
+
+def on_roller(contact: Contact, length: float) -> dict[str, Any]:
+    """Return what can be measured on one roller of a length [m]: load and resistance [N], their ratio, and density."""
+    force = abs(contact.resistance)
+    forces = {"load": contact.load * length, "resistance": force * length}
+    return forces | {"resistance_coefficient": force / contact.load, "exit_density_ratio": contact.exit_density_ratio}
 
 
 @contextmanager

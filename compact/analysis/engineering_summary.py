@@ -91,11 +91,8 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
     """
     machine, modulus, nu = scene.machine, mix.effective_modulus, mix.poisson
     radius, width, overlap = machine.roller_radius, scene.product.width, machine.overlap
-    guides = {
-        "bearing_friction": machine.bearing_friction, "journal_diameter": machine.journal_diameter,
-        "rolling_arm": machine.rolling_arm, "wheel_diameter": machine.guide_wheel_diameter,
-        "rib_factor": machine.rib_factor,
-    }  # fmt: skip
+    guides = {name: getattr(machine, name) for name in ("bearing_friction", "journal_diameter", "rolling_arm")}
+    guides |= {"wheel_diameter": machine.guide_wheel_diameter, "rib_factor": machine.rib_factor}
     alpha = float(pressure_exponent(nu, mix.steel_friction))
     phi = contact.capture_angle(pressure, modulus, nu, alpha)
     force = contact.roller_force(

@@ -15,6 +15,7 @@ import csv
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import fields
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -118,22 +119,16 @@ def standard_motors() -> tuple[CatalogueMotor, ...]:
     '10.1 N m'
     """
     rows = [cell.strip().split(";") for line in FRAMES.split("\n") for cell in line.split("  ") if cell.strip()]
-    return tuple(
-        _motor(float(power), poles, frame)
-        for poles in POLES
-        for frame, *powers in rows
-        for power in powers[poles // 2 - 1].split()
-    )
-
-
-def _motor(power: float, poles: int, frame: str) -> CatalogueMotor:
-    """Return the motor of a rated power [kW]."""
-    slip = min(SLIP * power**SLIP_EXPONENT, LARGEST_SLIP)
-    speed = 4 * np.pi * LINE_FREQUENCY / poles * (1 - slip)
-    torque = 1e3 * power / speed
-    inertia = INERTIA * (power * poles / REFERENCE_POLES) ** INERTIA_EXPONENT
-    name = f"{power:g} kW, {poles} poles, frame {frame}"
-    return CatalogueMotor(name, torque, EXCESS_TORQUE * torque, speed, inertia)
+    found = []
+    for poles, (frame, *powers) in product(POLES, rows):
+        for power in map(float, powers[poles // 2 - 1].split()):  # [kW]
+            slip = min(SLIP * power**SLIP_EXPONENT, LARGEST_SLIP)
+            speed = 4 * np.pi * LINE_FREQUENCY / poles * (1 - slip)
+            torque = 1e3 * power / speed
+            inertia = INERTIA * (power * poles / REFERENCE_POLES) ** INERTIA_EXPONENT
+            name = f"{power:g} kW, {poles} poles, frame {frame}"
+            found.append(CatalogueMotor(name, torque, EXCESS_TORQUE * torque, speed, inertia))
+    return tuple(found)
 
 
 def _tabulated_law(path: str | Path) -> MotionProfile:

@@ -29,11 +29,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import Contact, Layer, Roller
 
@@ -70,8 +70,8 @@ class Pass:
 
     def __post_init__(self) -> None:
         require_nonnegative(lift=self.lift)
-        targets = {name: getattr(self, name) for name in ("height", "load", "exit_density_ratio")}
-        given = {name: value for name, value in targets.items() if value is not None}
+        names = "height", "load", "exit_density_ratio"
+        given = {name: value for name in names if (value := getattr(self, name)) is not None}
         require_positive(**given)
         if len(given) > 1:
             raise ValueError(f"give at most one of `height`, `load`, `exit_density_ratio`, got {sorted(given)}")
@@ -168,12 +168,12 @@ def roll_stages(
     return tuple(done)
 
 
-def density(result: Contact) -> NDArray[np.float64]:
+def density(result: Contact) -> Array:
     """Return the density over the height behind a pass.
 
     Returns
     -------
-    NDArray, shape (rows, 3)
+    Array, shape (rows, 3)
         Bottom [m], top [m] and density ratio [-] of each row of mix, of a lower lift too, from the base upwards.
     """
     heights, ratios = result.exit.density_rows

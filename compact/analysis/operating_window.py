@@ -30,6 +30,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from compact.analysis.calibration import with_scene_lines
+from compact.analysis.contact_cases import process_detail
 from compact.analysis.process import MET, MINUTE, ProcessStudy
 from compact.engines.process.lifts import KnownLifts
 from compact.engines.process.strokes import SEARCH_LAYERS
@@ -60,7 +61,7 @@ def shared_lifts(scene: Scene, keys: Collection[str]) -> KnownLifts | None:
     """
     if not WINDOW_KEYS.issuperset(keys):
         return None
-    return ProcessStudy(scene, "deep" if scene.process is None else scene.process.detail or "deep").lifts
+    return ProcessStudy(scene, process_detail(scene)).lifts
 
 
 def limits_met(study: ProcessStudy) -> str:
@@ -138,9 +139,12 @@ def calibrate_window(scene: Scene, rows: Sequence[StrokeRow]) -> WindowFit:
         spreads.append(DRAG_SPREAD)
     first = np.array([*before.values()])
 
-    def at(shifts: Array, row: StrokeRow | None = None) -> ProcessStudy:
-        values = dict(zip(before, (first * np.exp(shifts)).tolist(), strict=True))
-        changes: dict[str, object] = closed | layers | values | (row.changes(scene.motion.dwell) if row else {})
+    def shifted(shifts: Array) -> dict[str, float]:
+        return dict(zip(before, (first * np.exp(shifts)).tolist(), strict=True))
+
+    def at(shifts: Array, row: StrokeRow) -> ProcessStudy:
+        values = shifted(shifts)
+        changes: dict[str, object] = closed | layers | values | row.changes(scene.motion.dwell)
         # stresses are in proportion to 1/slope, as those of a higher rate to its factor
         lifts = known and known._replace(rate_factor=known.rate_factor * values[SLOPE] / slope.value)
         return replace(study, scene=scene.replaced(**changes), known=lifts)
@@ -155,20 +159,19 @@ def calibrate_window(scene: Scene, rows: Sequence[StrokeRow]) -> WindowFit:
                 found.append(np.log([force / row.force]) / FORCE_ERROR)
         return np.concatenate(found)
 
-    ends = 3 * np.array(spreads)
-    shifts = least_squares(
-        residuals, np.zeros(len(first)), bounds=(-ends, ends), diff_step=DIFFERENCE, ftol=TOLERANCE
-    ).x
-    fitted = dict(zip(before, (first * np.exp(shifts)).tolist(), strict=True))
+    ends, start = 3 * np.array(spreads), np.zeros(len(first))
+    shifts = least_squares(residuals, start, bounds=(-ends, ends), diff_step=DIFFERENCE, ftol=TOLERANCE).x
+    fitted = shifted(shifts)
     told = tuple((row, *reached_by(at(shifts, row))) for row in rows)
     return WindowFit(scene.replaced(**closed, **fitted, **measured_ranges(rows)), fitted, before, told)
 
 
 def measured_ranges(rows: Sequence[StrokeRow]) -> dict[str, list[float]]:
     """Return the ranges of advances of the mould [m] and of strokes a minute [1/min] of rows, by key of the scene."""
-    strokes = [row.strokes_per_minute for row in rows]
-    advances = [MINUTE * row.mould_speed / row.strokes_per_minute for row in rows]
-    ranges = {"process.measured_advances": advances, "process.measured_strokes": strokes}
+    ranges = {
+        "process.measured_advances": [MINUTE * row.mould_speed / row.strokes_per_minute for row in rows],
+        "process.measured_strokes": [row.strokes_per_minute for row in rows],
+    }
     return {key: [min(values), max(values)] for key, values in ranges.items()}
 
 
@@ -181,15 +184,10 @@ def window_digest(found: WindowFit) -> str:
     """Describe a calibrated window in text: rows, values, and the lines for the scene."""
     lines = [f"{'mould, m/min':>12}{'strokes/min':>13}{'density ratio':>15}{'found':>8}{'force, N':>10}{'found':>8}"]
     for row, ratio, force in found.rows:
-        told = ["" if each is None else f"{each:.4g}" for each in (row.density_ratio, row.force)]
-        speed = MINUTE * row.mould_speed
-        lines.append(
-            f"{speed:>12.3g}{row.strokes_per_minute:>13.4g}{told[0]:>15}{ratio:>8.4f}{told[1]:>10}{force:>8.0f}"
-        )
+        dense, push = ("" if each is None else f"{each:.4g}" for each in (row.density_ratio, row.force))
+        speed, rate = MINUTE * row.mould_speed, row.strokes_per_minute
+        lines.append(f"{speed:>12.3g}{rate:>13.4g}{dense:>15}{ratio:>8.4f}{push:>10}{force:>8.0f}")
     ranges = measured_ranges([row for row, *_ in found.rows])
     words = {key: f"{value:.5g}  # measured; before {found.before[key]:.4g}" for key, value in found.values.items()}
-    tables: dict[str, list[str]] = {}
-    for key, value in (words | {key: f"{ends}  # of the rows" for key, ends in ranges.items()}).items():
-        table, _, name = key.rpartition(".")
-        tables.setdefault(table, []).append(f"{name} = {value}")
-    return with_scene_lines([*lines, "", "in place of process.gap or process.product_density_ratio"], tables)
+    words |= {key: f"{ends}  # of the rows" for key, ends in ranges.items()}
+    return with_scene_lines([*lines, "", "in place of process.gap or process.product_density_ratio"], words)

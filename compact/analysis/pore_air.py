@@ -11,7 +11,7 @@ over those of the curve are interpolated over the logarithm of the ratio (`Coupl
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -35,8 +35,7 @@ MAP_NODES = 25  # [-], speeds of a map with air
 DEAERATION_SHARE = 0.1  # [-], load of the air over that of the skeleton at the de-aeration speed
 
 
-@dataclass(frozen=True)
-class AirAnswer:
+class AirAnswer(NamedTuple):
     """Numbers on the pore air of a scene.
 
     Parameters

@@ -13,22 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.analysis.contact_cases import compaction_material, scene_mix
-from compact.analysis.machine_models import cart
+from compact.analysis import contact_cases, machine_models
 from compact.analysis.pore_air import pore_air_of
 from compact.analysis.worker_pool import Executor, SerialExecutor, run_tasks
 from compact.engines.column.column_pass import Column
 from compact.engines.pore_air import AirForces
+from compact.engines.process import loose_mix, roller_row, strokes
 from compact.engines.process.forming import Closure, ClosureKind, Feed, FormingMachine
 from compact.engines.process.kneading import Kneading
 from compact.engines.process.lifts import CASES, KnownLifts, LiftSequence, ProcessDetail, lift_thickness, simulate_lifts
-from compact.engines.process.loose_mix import extrusion_pressure, sleeve_drag
-from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.strokes import SEARCH_LAYERS, FormingProblem, SectionHistory, solve_closure
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
 from compact.scene.loader import Scene, SceneError
+from compact.scene.schema import Process
 
 PRESSURE_FACTOR = 2.0  # [-], spread of an assumed pressure on the smoothing plate
 MINUTE = 60.0  # [s]
@@ -102,16 +100,21 @@ class ProcessStudy:
                 [f"{self.scene.file}: the table [process] is missing; give the mould's speed, the feed and one closure"]
             )
 
+    @property
+    def given(self) -> Process:
+        """Table [process] of the scene."""
+        assert self.scene.process is not None  # required by the constructor
+        return self.scene.process
+
     @cached_property
     def mix(self) -> Mix:
         """Mix of the scene."""
-        return scene_mix(self.scene)
+        return contact_cases.scene_mix(self.scene)
 
     @cached_property
-    def problem(self) -> FormingProblem:
+    def problem(self) -> strokes.FormingProblem:
         """Machine, mix and feed."""
-        table, machine = self.scene.process, self.scene.machine
-        assert table is not None  # required by the constructor
+        table, machine = self.given, self.scene.machine
         forming = FormingMachine(
             roller_radius=machine.roller_radius,
             roller_length=machine.roller_length,
@@ -127,22 +130,22 @@ class ProcessStudy:
             fill = Column(table.fill_height, table.fill_density_ratio)
         feed = Feed(table.feed_density_ratio, table.feed, table.feed_count or 0, table.feeds)
         kneading = None if table.kneading is None else Kneading(*table.kneading)
-        return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers, kneading)
+        material = contact_cases.compaction_material(self.scene, self.mix)
+        return strokes.FormingProblem(forming, material, fill, feed, table.layers, kneading)
 
     @property
     def closure(self) -> Closure:
         """Condition that determines the feed."""
-        table = self.scene.process
-        assert table is not None
+        table = self.given
         kinds: tuple[ClosureKind, ...] = ("gap", "product_density_ratio", "extrusion_pressure")
         kind = next((kind for kind in kinds if getattr(table, kind) is not None), kinds[-1])
         value = self.extrusion_pressures[0] if kind == kinds[-1] else getattr(table, kind)
         return Closure(kind, value, table.offered_thickness)
 
     @cached_property
-    def history(self) -> SectionHistory:
+    def history(self) -> strokes.SectionHistory:
         """Strokes on one section at the mean speed."""
-        return solve_closure(self.problem, self.closure)
+        return strokes.solve_closure(self.problem, self.closure)
 
     @cached_property
     def lifts(self) -> KnownLifts | None:
@@ -165,11 +168,11 @@ class ProcessStudy:
         return KnownLifts(sequences, history.rate_factor, machine.cart_speed)
 
     @cached_property
-    def row(self) -> RollerRow:
+    def row(self) -> roller_row.RollerRow:
         """Strokes under one roller at the mean speed."""
-        return RollerRow(self.history, self.scene.mix.density_ratio, self.lifts)
+        return roller_row.RollerRow(self.history, self.scene.mix.density_ratio, self.lifts)
 
-    def row_at(self, speed: float) -> RollerRow:
+    def row_at(self, speed: float) -> roller_row.RollerRow:
         """Compute the strokes under one roller at another speed of the cart [m/s], in strokes of the same duration.
 
         The gap of the feed, or its thickness or pressure, is that of the closure at the mean speed. A place along the
@@ -293,7 +296,7 @@ class ProcessStudy:
 
         def drag(friction: float, flowing: bool) -> float:
             given = table.width, length, table.head, friction, self._loose_density, self.mix.friction_angle
-            return table.count * sleeve_drag(*given, flowing)
+            return table.count * loose_mix.sleeve_drag(*given, flowing)
 
         spread, friction = (wall.high - wall.low) / 2, table.wall_friction
         high = drag(max(friction - spread, 0.0), False)
@@ -302,9 +305,9 @@ class ProcessStudy:
     @property
     def _plate(self) -> ResistancePart:
         """Friction of the smoothing plate, which slides with the cart over the strips of its rollers."""
-        table, friction = self.scene.process, self.mix.parameter("steel_friction")
+        table, friction = self.given, self.mix.parameter("steel_friction")
         part = ResistancePart("friction of the smoothing plate", "assumed", "the same pull with the plate raised")
-        if table is None or table.plate_length is None or table.plate_pressure is None:
+        if table.plate_length is None or table.plate_pressure is None:
             return part
         load = table.plate_pressure * table.plate_length * self.covered_width
         force, low, high = (load * each for each in (friction.value, friction.low, friction.high))
@@ -313,13 +316,12 @@ class ProcessStudy:
     @cached_property
     def extrusion_pressures(self) -> tuple[float, float, float]:
         """Pressure at which mix evades along the axis [Pa], and its bounds: the given one, or by the wedge."""
-        given = self.scene.process and self.scene.process.extrusion_pressure
-        if given:
+        if given := self.given.extrusion_pressure:
             return given, given, given
         angle, cohesion = (self.mix.parameter(name) for name in ("friction_angle", "cohesion_loose"))
         height, density = self.scene.product.height, self._loose_density
         low, value, high = (
-            extrusion_pressure(height, density, getattr(angle, end), getattr(cohesion, end))
+            loose_mix.extrusion_pressure(height, density, getattr(angle, end), getattr(cohesion, end))
             for end in ("low", "value", "high")
         )
         return value, low, high
@@ -337,7 +339,7 @@ class ProcessStudy:
     def guide_friction(self) -> float:
         """Friction of the guide wheels of a cart under the computed load [N]."""
         resistance = self.scene.machine.rollers * self.resistance + self.standing_drag
-        return float(balance(cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
+        return float(balance(machine_models.cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
 
     @property
     def _forming(self) -> Iterator[ResistancePart]:
@@ -371,8 +373,7 @@ class ProcessStudy:
         guides = self.guide_friction
         rolling = ResistancePart("friction of the guide wheels", "computed", "pull with raised rollers", *[guides] * 3)
         found = [*self._forming, self._sleeves, self._plate, self._extrusion, rolling]
-        measured = self.scene.process and self.scene.process.measured_force
-        if measured:
+        if measured := self.given.measured_force:
             sums = [sum(getattr(each, end) or 0.0 for each in found) for end in ("force", "high", "low")]
             left = (measured - each for each in sums)
             test = "force over the first strokes, mould at rest, sleeves empty and full"
@@ -385,8 +386,8 @@ class ProcessStudy:
     @property
     def beyond_rows(self) -> list[tuple[str, str, float, tuple[float, ...]]]:
         """Quantity, unit, value and range of what is beyond the rows of a plant to which the scene is calibrated."""
-        table, machine = self.scene.process, self.problem.machine
-        ends = (table.measured_advances, table.measured_strokes) if table else (None, None)
+        table, machine = self.given, self.problem.machine
+        ends = table.measured_advances, table.measured_strokes
         words = ("advance of the mould a stroke", " m"), ("number of strokes a minute", "")
         values = machine.advance, MINUTE / machine.stroke_period
         found = [(*each, at, span) for each, at, span in zip(words, values, ends, strict=True) if span]
@@ -398,14 +399,14 @@ class ProcessStudy:
         pressure, *bounds = self.extrusion_pressures
         if self.closure.kind != "extrusion_pressure" or pressure in bounds:
             return []
-        few = replace(self.problem, layers=SEARCH_LAYERS)
-        ends = (solve_closure(few, replace(self.closure, value=bound)) for bound in bounds)
+        few = replace(self.problem, layers=strokes.SEARCH_LAYERS)
+        ends = (strokes.solve_closure(few, replace(self.closure, value=bound)) for bound in bounds)
         return [(bound, each.of_product("density_ratio")) for bound, each in zip(bounds, ends, strict=True)]
 
     @property
     def thin_strokes(self) -> int:
         """Number of strokes whose make-up is thinner than the largest grain."""
-        fed, grain = self.history.make_up, (self.scene.process and self.scene.process.largest_grain) or 0.0
+        fed, grain = self.history.make_up, self.given.largest_grain or 0.0
         return int(np.sum((fed > 0) & (fed < grain)))
 
     @property

@@ -24,32 +24,11 @@ from compact.analysis.sizing.balances import BalanceCheck, WorkBalance, balance_
 from compact.analysis.sizing.decision import Choice, Decision, candidates, choose, decide
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
+from compact.analysis.stages import drives, kept_results, verdict
+from compact.analysis.stages import model_spread as spreads
 from compact.analysis.stages.contacts import Count, contact_stage, no_count
-from compact.analysis.stages.drives import build_stages
-from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import CamDrawing
-from compact.analysis.stages.model_spread import (
-    ModelSpread,
-    contact_by_law,
-    prior_forces,
-    scenes_of_laws,
-    spread_of,
-    unfitted,
-)
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
-from compact.analysis.stages.verdict import (
-    DIRECTORY,
-    SIZING_PEAKS,
-    Answer,
-    Governing,
-    ModelAnswer,
-    Verdict,
-    answer_of,
-    governing,
-    governing_pair,
-    model_answer,
-    verdict,
-)
 from compact.analysis.worker_pool import Executor, Job, SerialExecutor
 from compact.scene.loader import Scene
 
@@ -90,7 +69,7 @@ class Study:
         self._step, self._directory = step, directory
         self.executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
-        self.stages = build_stages(scene, self.count, directory, progress, shortest=shortest)
+        self.stages = drives.build_stages(scene, self.count, directory, progress, shortest=shortest)
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -110,7 +89,7 @@ class Study:
         contacts, resistance_map = self.stages.contacts, self.stages.resistance.map
         if contacts.held is None:
             return
-        found = contacts.kept or KeptResults(
+        found = contacts.kept or kept_results.KeptResults(
             contacts.records, contacts.held, contacts.second_pass, resistance_map, contacts.air_curve
         )
         names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
@@ -120,7 +99,7 @@ class Study:
             model_spread=self.__dict__.get("model_spread", found.model_spread),
             prior=self.__dict__.get("_prior", found.prior),
         )  # fmt: skip
-        yield from write_results(directory, found, contacts.key)
+        yield from kept_results.write_results(directory, found, contacts.key)
 
     @cached_property
     def pore_air(self) -> AirAnswer | None:
@@ -131,7 +110,7 @@ class Study:
     @property
     def sizing_peaks(self) -> list[str]:
         """Criteria of the verdict that the scene ranks by."""
-        return [by for by in SIZING_PEAKS if by in self.scene.drive.rank_by]
+        return [by for by in verdict.SIZING_PEAKS if by in self.scene.drive.rank_by]
 
     @property
     def case(self) -> tuple[float, str]:
@@ -139,15 +118,15 @@ class Study:
         return self.scene.motion.duration, self.scene.drive.kind
 
     @cached_property
-    def nominal_verdicts(self) -> dict[str, Verdict]:
+    def nominal_verdicts(self) -> dict[str, verdict.Verdict]:
         """Verdicts by criterion without the sources of uncertainty; absent where no law has a finite value."""
-        return {by: each for by in self.sizing_peaks if (each := verdict(self.models, *self.case, by))}
+        return {by: each for by in self.sizing_peaks if (each := verdict.verdict(self.models, *self.case, by))}
 
     @cached_property
-    def models(self) -> list[ModelAnswer]:
+    def models(self) -> list[verdict.ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
         spread = self.model_spread
-        own = model_answer(self.stages, spread.resistance if spread else None, self._prior)
+        own = verdict.model_answer(self.stages, spread.resistance if spread else None, self._prior)
         return [own, *self.comparison.values()]
 
     @cached_property
@@ -158,7 +137,7 @@ class Study:
 
     @cached_property
     def _prior_job(self) -> Job:
-        return self.submit(prior_forces, unfitted(self.scene, self.scene.accuracy.engine))
+        return self.submit(spreads.prior_forces, spreads.unfitted(self.scene, self.scene.accuracy.engine))
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -166,9 +145,8 @@ class Study:
 
         None without the output "report", without a model that is valid for sizing, and where no law has a finite value.
         """
-        if "report" not in self.scene.output.items or not any(each.valid for each in self.models):
-            return None
-        if not self.nominal_verdicts:
+        wanted = "report" in self.scene.output.items and any(each.valid for each in self.models)
+        if not (wanted and self.nominal_verdicts):
             return None
         self.count("uncertainty")
         return ranking_uncertainty(self)
@@ -191,7 +169,7 @@ class Study:
         return decide(self)
 
     @cached_property
-    def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
+    def verdicts(self) -> dict[tuple[float, str, str], verdict.Verdict]:
         """Verdicts by duration [s], drive and criterion; absent where no law has a finite value.
 
         Those of the duration and drive of the scene include the spread of the mix and of its laws.
@@ -200,15 +178,15 @@ class Study:
         for duration, drive in ((each, kind) for each, places in self.models[0].places.items() for kind in places):
             for by in self.sizing_peaks:
                 firsts = self.uncertainty.first_laws(by) if self.case == (duration, drive) and self.uncertainty else ()
-                if each := verdict(self.models, duration, drive, by, firsts):
+                if each := verdict.verdict(self.models, duration, drive, by, firsts):
                     found[duration, drive, by] = each
         return found
 
     @property
-    def governing(self) -> list[Governing]:
+    def governing(self) -> list[verdict.Governing]:
         """Pass over fresh mix and forming process at the duration and drive of the scene, the larger of which sizes."""
         verdicts = [each for key, each in self.verdicts.items() if key[:2] == self.case]
-        found = governing(governing_pair(self.models), verdicts, self.scene.motion.duration)
+        found = verdict.governing(verdict.governing_pair(self.models), verdicts, self.scene.motion.duration)
         return [*found, *self.machine_sizing.compared.values()]
 
     @cached_property
@@ -217,7 +195,8 @@ class Study:
 
         Where a pass over fresh mix and the forming process both size the machine, each is that of the larger one.
         """
-        return machine_sizing(self.stages, self.choice.law if self.choice else None, governing_pair(self.models))
+        law, pair = self.choice.law if self.choice else None, verdict.governing_pair(self.models)
+        return machine_sizing(self.stages, law, pair)
 
     @cached_property
     def work_balance(self) -> WorkBalance:
@@ -268,10 +247,12 @@ class Study:
     def _answers(self) -> dict[str, Job]:
         """Jobs of the engines of the comparison by name."""
         laws = self.stages.laws.prescribed, self.stages.laws.cycles
-        directory = self._directory and self._directory / DIRECTORY
+        directory = self._directory and self._directory / verdict.DIRECTORY
         return {
             name: self.submit(
-                partial(answer_of, self.scene.with_engine(name), laws, prior=unfitted(self.scene, name)),
+                partial(
+                    verdict.answer_of, self.scene.with_engine(name), laws, prior=spreads.unfitted(self.scene, name)
+                ),
                 directory and directory / name,
             )
             for name in self.scene.compared_engines
@@ -281,8 +262,8 @@ class Study:
     def _answers_by_law(self) -> list[Job]:
         """Jobs of the contacts by the other laws of the mix."""
         assert self.stages.contacts.held is not None  # of a compacting engine
-        work = partial(contact_by_law, self.stages.contacts.held, contact_stage)
-        return [self.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
+        work = partial(spreads.contact_by_law, self.stages.contacts.held, contact_stage)
+        return [self.submit(work, each) for each in spreads.scenes_of_laws(self.scene, self.stages.contacts.mix)]
 
     def begin_contacts(self) -> None:
         """Start the second pass, and the contacts by the other laws of the mix, where required and not kept."""
@@ -294,7 +275,7 @@ class Study:
             _ = self._prior_job
 
     @cached_property
-    def model_spread(self) -> ModelSpread | None:
+    def model_spread(self) -> spreads.ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
         contacts = self.stages.contacts
         if not contacts.requires_model_spread:
@@ -302,12 +283,12 @@ class Study:
         if contacts.kept and contacts.kept.model_spread:
             return contacts.kept.model_spread
         self.count("model spread")
-        return spread_of([job.result() for job in self._answers_by_law])
+        return spreads.spread_of([job.result() for job in self._answers_by_law])
 
     @property
-    def comparison(self) -> dict[str, ModelAnswer]:
+    def comparison(self) -> dict[str, verdict.ModelAnswer]:
         """Answer of each engine of the comparison by name, but of those without a steady state."""
-        return {name: each for name, each in self._compared.items() if isinstance(each, ModelAnswer)}
+        return {name: each for name, each in self._compared.items() if isinstance(each, verdict.ModelAnswer)}
 
     @property
     def failures(self) -> dict[str, Exception]:
@@ -315,7 +296,7 @@ class Study:
         return {name: each for name, each in self._compared.items() if isinstance(each, Exception)}
 
     @cached_property
-    def _compared(self) -> dict[str, Answer]:
+    def _compared(self) -> dict[str, verdict.Answer]:
         """Results of each engine of the comparison by name."""
         found = {}
         for name, job in self._answers.items():

@@ -263,17 +263,13 @@ class DaskExecutor(SerialExecutor):
         with self._loss_explained(), self._client.as_current():
             try:
                 done = distributed.wait(list(self._running), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
-            except TimeoutError:
-                self._note_lack_of_workers()
+            except TimeoutError:  # warn once that no worker is connected; they may wait in the queue of a batch system
+                before, self._workerless = self._workerless, not self._client.nthreads()
+                if self._workerless and not before:
+                    _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
                 return
             for future in done:
                 self._running.pop(future).settle(partial(outcome, future))
-
-    def _note_lack_of_workers(self) -> None:
-        """Warn once that no worker is connected; they may wait in the queue of a batch system."""
-        before, self._workerless = self._workerless, not self._client.nthreads()
-        if self._workerless and not before:
-            _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
 
     @contextmanager
     def _loss_explained(self) -> Iterator[None]:

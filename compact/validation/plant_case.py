@@ -16,12 +16,11 @@ calibrated with the same trials says so by `fitted = "..."` in [case].
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from compact.analysis.contact_cases import roll_scene, scene_mix
+from compact.analysis.contact_cases import on_roller, roll_scene, scene_mix
 from compact.engines import ENGINES
 from compact.files import read_table
 from compact.numerics.validation import require_known
@@ -64,8 +63,7 @@ class PlantScene(Scene):
     case: CaseTable
 
 
-@dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """One row of the CSV: file and line, changes of scene keys, and values [SI units] by column."""
 
     place: str
@@ -144,14 +142,8 @@ def _compute(scene: Scene, trials: Sequence[Trial], rows: Rows) -> Computed:
             raise ValueError(f"{trial.place}: {error}") from None
         except (ValueError, RuntimeError) as error:
             raise RuntimeError(f"{trial.place}: the engine has no result: {error}") from None
-        length = changed.machine.roller_length
-        on_roller = {
-            "load": found.load * length,
-            "resistance": found.resistance * length,
-            "resistance_coefficient": found.coefficient,
-            COMPACTED: found.exit_density_ratio,
-        }
-        values |= {f"{trial.key}_{name}": value for name, value in on_roller.items() if name in trial.values}
+        known = on_roller(found, changed.machine.roller_length)
+        values |= {f"{trial.key}_{name}": value for name, value in known.items() if name in trial.values}
 
     panels = []
     for name in MEASURED:

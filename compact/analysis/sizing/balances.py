@@ -21,6 +21,7 @@ forming process at this throughput, where all passes together compress the mix f
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import quad
@@ -165,8 +166,7 @@ RESIDUALS = {  # field of a contact -> (term, limit [-]); compacting layers only
 }
 
 
-@dataclass(frozen=True)
-class BalanceCheck:
+class BalanceCheck(NamedTuple):
     """Residual of one balance and its limit.
 
     Parameters

@@ -26,9 +26,7 @@ from compact.analysis.stages.verdict import ModelAnswer, sizing_model
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
-from compact.scene.loader import Scene
-from compact.scene.plant_data import instruments
-from compact.scene.schema import declared_keys, extra_of
+from compact.scene import loader, plant_data, schema
 
 if TYPE_CHECKING:
     from compact.analysis.study import Study
@@ -191,11 +189,11 @@ def choose(
                  for i, own in enumerate(sizes[law])]  # fmt: skip
         return max((one / least - 1 if math.isfinite(least) else 0.0 for one, least in pairs), default=0.0)
 
-    excess = [excess_of(law, "high") for law in laws]
-    if not laws:
+    excess = {law: excess_of(law, "high") for law in laws}
+    if not excess:
         return None
-    order = sorted(range(len(laws)), key=lambda i: (round(excess[i], 9), round(excess_of(laws[i], "value"), 9)))
-    return Choice(laws[order[0]], laws[order[1]] if len(order) > 1 else None, tuple(laws), excess[order[0]])
+    first, *others = sorted(laws, key=lambda law: (round(excess[law], 9), round(excess_of(law, "value"), 9)))
+    return Choice(first, next(iter(others), None), tuple(laws), excess[first])
 
 
 def decide(study: "Study") -> Decision | None:
@@ -251,7 +249,7 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
         is known of the quantity today; margins before and after by criterion [-].
     """
     found: list[dict[str, Any]] = []
-    known, choice, table = study.uncertainty, study.choice, instruments()
+    known, choice, table = study.uncertainty, study.choice, plant_data.instruments()
     if known is None or choice is None:
         return []
     margins = {by: known.margin(by, law=choice.law) for by in known.laws}
@@ -276,8 +274,8 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
         after = {by: margins[by] ** 2 - shares[by][name] * rise**2 for by, rise in rises.items()}
         after = {by: math.sqrt(max(0.0, square)) for by, square in after.items()}
         key = f"mix.overrides.{name}" if name != sources.FED else f"layer.{name}"
-        words = declared_keys()[key].description or name
-        tell(name, words.rsplit(" in ", 1)[0].removeprefix("the "), ends, extra_of(key).get("unit", "1"), after)
+        words = schema.declared_keys()[key].description or name
+        tell(name, words.rsplit(" in ", 1)[0].removeprefix("the "), ends, schema.extra_of(key).get("unit", "1"), after)
 
     def gain(each: dict[str, Any]) -> float:
         return sum(margins[by] - each["after"][by] for by in margins if margins[by] < math.inf)
@@ -285,13 +283,13 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
     return sorted((each for each in found if gain(each) > WORTH), key=gain, reverse=True)
 
 
-def _ends_of(scene: Scene, name: str) -> tuple[list[float], str]:
+def _ends_of(scene: loader.Scene, name: str) -> tuple[list[float], str]:
     """Return the values of a quantity of drive or cart over what is known of it, and its unit."""
     ends = [
         (key, end) for each in sources.drive_variants(scene, edges=True) if each.of == (name,)
         for key, value in each.keys.items() if value != attrgetter(key)(scene) for end in np.ravel(value).tolist()
     ]  # fmt: skip
-    return [end for key, end in ends if key == ends[0][0]], extra_of(ends[0][0]).get("unit", "1")
+    return [end for key, end in ends if key == ends[0][0]], schema.extra_of(ends[0][0]).get("unit", "1")
 
 
 def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncertainty | None) -> Size:

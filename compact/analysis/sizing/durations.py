@@ -15,7 +15,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -33,8 +33,7 @@ DURATION_TOLERANCE = 1e-6  # [-], relative; of a crossover
 DEPTH = 8  # [-], of further first laws between two durations; there are as many families of laws
 
 
-@dataclass(frozen=True)
-class Crossover:
+class Crossover(NamedTuple):
     """Duration at which the first law changes.
 
     Parameters

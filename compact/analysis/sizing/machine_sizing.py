@@ -16,12 +16,12 @@ load of each. The motor of a law, a wheel and a bearing are those of the model t
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from compact.analysis.machine_models import cart, catalogue
-from compact.analysis.stages.drives import Runs, Stages, simulate_laws
+from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.verdict import Governing, ModelAnswer, larger
 from compact.machine.component_sizing import (
     SECONDS_PER_HOUR,
@@ -41,8 +41,7 @@ from compact.machine.drives import angles_of
 from compact.machine.shaft import CartsOnShaft
 
 
-@dataclass(frozen=True)
-class LawSizing:
+class LawSizing(NamedTuple):
     """Motor that a law requires.
 
     Parameters
@@ -64,8 +63,7 @@ class LawSizing:
     engine: str
 
 
-@dataclass(frozen=True)
-class WheelLoads:
+class WheelLoads(NamedTuple):
     """Loads of a guide wheel or of a roller over a cycle.
 
     Parameters
@@ -156,8 +154,17 @@ def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing
         loaded = cart(scene, model.roller_load, model.return_load_ratio)
         runs = dict(simulate_laws(scene, loaded, stages.drive.cycles, resistance))
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
-    laws = _law_sizings(stages, rule, engine, resistance, runs) if stages.drive.model.has_shaft else {}
-    run, lives = runs[law], {}
+    run, kind, motors, angles = runs[law], stages.drive.model, catalogue(scene), angles_of(scene)
+    laws, lives = {}, {}
+    for name, cycle in stages.drive.cycles.items() if kind.has_shaft else ():
+        needed = None
+        if kind.driven_end:
+            needed = requirement_of_run(runs[name], angles)
+        elif not any(join.order == 1 for join in cycle.discontinuities()):
+            needed = shaft_requirement(CartsOnShaft(run.cart, cycle, resistance, angles, kind.linkage(scene, cycle)))
+        power = math.inf if needed is None else rule.required_power(needed)
+        choice = choose_motor(motors, needed, rule) if motors and needed else None
+        laws[name] = LawSizing(name, needed, power, choice, engine)
     forces, velocity, reactions = run.state.forces, run.state.velocity, run.cart.roller_reactions
     direction = np.where(velocity < 0, run.cart.return_load_ratio, 1.0)
     loads = {
@@ -196,19 +203,3 @@ def _largest(found: Mapping[str, MachineSizing]) -> MachineSizing:
         compared[name] = larger(f"load on a bearing of a {name}", "N", loads)
     lives = {name: found[compared[name].engine].lives[name] for name in first.lives}
     return replace(first, laws=laws, wheels=wheels, lives=lives, compared=compared)
-
-
-def _law_sizings(stages: Stages, rule: SizingRule, engine: str, resistance: Any, runs: Runs) -> dict[str, LawSizing]:
-    """Compute the torque of the shaft under every law and choose its motor."""
-    scene, loaded = stages.drive.scene, next(iter(runs.values())).cart
-    model, motors, angles, found = stages.drive.model, catalogue(scene), angles_of(scene), {}
-    for name, cycle in stages.drive.cycles.items():
-        needed = None
-        if model.driven_end:
-            needed = requirement_of_run(runs[name], angles)
-        elif not any(join.order == 1 for join in cycle.discontinuities()):
-            needed = shaft_requirement(CartsOnShaft(loaded, cycle, resistance, angles, model.linkage(scene, cycle)))
-        power = math.inf if needed is None else rule.required_power(needed)
-        choice = choose_motor(motors, needed, rule) if motors and needed else None
-        found[name] = LawSizing(name, needed, power, choice, engine)
-    return found
