@@ -85,25 +85,20 @@ def explanation(summary: Mapping[str, Any], key: str) -> list[str]:
     value: Any = summary
     for name in path:
         value = value[name]
-    links = [LINKS[name] for name in chain_of(path)]
-    told = {"engine": summary["decision"]["engine"] if summary.get("decision") else summary["engine"]}
-    told["drive"] = summary["inputs"]["drive"]["kind"]["value"]
+    chain = next((CHAINS[name] for name in reversed(path) if name in CHAINS), "sources")
+    links = [LINKS[name] for name in chain.split()]
+    decision = summary.get("decision") or {"engine": summary["engine"], "fitted": []}
+    told = {"engine": decision["engine"], "drive": summary["inputs"]["drive"]["kind"]["value"]}
     found = [f"{key}: {worded(value)}", f"from: {' → '.join(link.words.format(**told) for link in links)}"]
     wanted = " ".join(link.inputs for link in links).split()
     found += [f"{origin}: {', '.join(each)}" for origin, each in _origins(summary["inputs"], wanted).items()]
-    fitted = summary["decision"]["fitted"] if summary.get("decision") and LINKS["mix"] in links else []
-    found += [f"fitted: {', '.join(fitted) or 'nothing'}"]
+    fitted = ", ".join(decision["fitted"]) if LINKS["mix"] in links else ""
+    found += [f"fitted: {fitted or 'nothing'}"]
     if isinstance(value, Mapping) and value.get("shares") and "margin" in value:
         shares = (f"{name} {format_percent(share)}" for name, share in value["shares"].items())
         found += [f"margin of {format_percent(value['margin'])}, of its square: {', '.join(shares)}"]
     pages = [CONTACT_PAGES.get(told["engine"], link.page) if "{engine}" in link.words else link.page for link in links]
     return [*found, f"theory: {', '.join(f'docs/{page}' for page in dict.fromkeys(pages))}"]
-
-
-def chain_of(path: Sequence[str]) -> list[str]:
-    """Return the links of a key by its path: of its last part that has a chain."""
-    words = next((CHAINS[name] for name in reversed(path) if name in CHAINS), "sources")
-    return words.split()
 
 
 def worded(value: Any, depth: int = 0) -> str:

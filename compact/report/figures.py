@@ -8,25 +8,22 @@ figures can be read in grey.
 
 from collections.abc import Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.sizing.durations import DurationStudy
-from compact.analysis.sizing.machine_sizing import LawSizing
+from compact.analysis.sizing import durations, machine_sizing
 from compact.machine.component_sizing import SizingRule
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, TIME, Quantity
-
-if TYPE_CHECKING:
-    from matplotlib.contour import QuadContourSet
 
 FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
     "rest to rest": {
@@ -61,7 +58,6 @@ TICKS, DECADES = (1, 2, 3, 5), range(-6, 9)  # labels of a logarithmic axis
 ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
 CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
-FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, so that none hides another
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
@@ -73,9 +69,9 @@ PHONE_LEGEND: dict[str, Any] = {
     "borderpad": 0.1,
 }  # fmt: skip
 BEST_STYLES: tuple[tuple[Any, float], ...] = (("-", 2.4), ((0, (6, 2)), 1.9), ((0, (1, 1.4)), 2.2))  # dash, points
-LEVELS: Mapping[str, tuple[str, Any]] = {  # of the torque of a shaft: colour and dash
-    "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
-}  # fmt: skip
+LEVELS: tuple[tuple[str, Any, int], ...] = (  # of the torque of a shaft, then of its motor: colour, dash and order
+    (PALETTE[0], "--", 3), ("0.45", ":", 3), (PALETTE[1], "-.", 2), (PALETTE[1], (0, (8, 2)), 2),
+)  # fmt: skip
 
 
 def law_style(name: str) -> dict[str, Any]:
@@ -154,7 +150,7 @@ def label_decades(axis: Axis, low: float, high: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
+def label_contours(ax: Axes, lines: QuadContourSet) -> None:
     """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
 
     Parameters
@@ -229,7 +225,7 @@ def draw_stroke(
     return figure
 
 
-def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:
+def draw_shaft_torque(sizing: machine_sizing.LawSizing, rule: SizingRule) -> Figure:
     """Draw the torque of all carts over the angle of the shaft.
 
     Parameters
@@ -243,15 +239,13 @@ def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:
     assert found is not None  # a law with finite torque
     figure, ((ax,),) = panels(1, 1, (7.2, 3.0), right=1.6, bottom=0.6)
     ax.plot(np.degrees(found.angle), found.torque, color="black", linewidth=1.6, label=sizing.law)
-    levels = {"rms": (found.rms_torque, "rms torque"), "mean": (found.mean_torque, "mean torque")}
+    levels = [(found.rms_torque, "rms torque"), (found.mean_torque, "mean torque")]
     chosen = None if sizing.choice is None else sizing.choice.chosen
     if chosen is not None:
         at_shaft = chosen.gear_ratio * rule.efficiency / rule.margin
-        levels["rated"] = chosen.motor.rated_torque * at_shaft, f"rated, {chosen.motor.name}"
-        levels["peak"] = chosen.motor.peak_torque * at_shaft, f"peak, {chosen.motor.name}"
-    for name, (value, label) in levels.items():
-        colour, line = LEVELS[name]
-        order = 2 if name in ("rated", "peak") else 3  # those of the motor below those of the shaft
+        levels += [(chosen.motor.rated_torque * at_shaft, f"rated, {chosen.motor.name}")]
+        levels += [(chosen.motor.peak_torque * at_shaft, f"peak, {chosen.motor.name}")]
+    for (value, label), (colour, line, order) in zip(levels, LEVELS, strict=False):
         ax.axhline(value, color=colour, linestyle=line, linewidth=1.4, label=label, zorder=order)
     ax.axhline(0.0, color="0.7", linewidth=0.8)
     ax.set(xlabel="angle of the shaft [°]", ylabel="torque of the shaft [N m]", xlim=(0, 360))
@@ -261,7 +255,7 @@ def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:
     return figure
 
 
-def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
+def draw_durations(found: durations.DurationStudy, own_duration: float) -> Figure:
     """Draw peak force and peak power over the duration: the laws, the first ones where they are first, the crossovers.
 
     Parameters

@@ -13,7 +13,7 @@ from functools import cache
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup, escape
 
@@ -77,8 +77,7 @@ class Picture:
 Block = str | TableSpec | Picture
 
 
-@dataclass(frozen=True)
-class Section:
+class Section(NamedTuple):
     """Section of the page, closed until it is opened; a block that is a text is a paragraph."""
 
     name: str
@@ -187,13 +186,6 @@ def _contacts(study: Study) -> Iterator[Block]:
         yield results.contact_table(study).shown(title, *names, **errors)
 
 
-def _uncertainty(study: Study) -> Iterator[Block]:
-    """Tabulate what to measure first, and the sources of uncertainty."""
-    if study.uncertainty and study.uncertainty.sources:
-        yield text.measurement_table(study)
-        yield text.uncertainty_table(study)
-
-
 def _motion(study: Study) -> Iterator[Block]:
     """Show the drawing of the cam of the decided law."""
     if (first := study.first_cam) is not None and first.drawing is not None:
@@ -243,7 +235,9 @@ SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, fi
         "Contact and resistance", "held turn no_speed guides sleeves return_stroke air work",
         "pressure section resistance stroke fields", _contacts,
     ),
-    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty spread robust_gain", "", _uncertainty),
+    "uncertainty": (
+        "Uncertainty, and what to measure first", "uncertainty spread robust_gain", "", text.uncertainty_tables,
+    ),
     "drive": ("Shaft, cam and duration", "motor bearings compliant no_cam", "shaft duration", _motion),
     "checks": ("Built-in checks", "checks", "", _checks),
     "explained": ("Where each number comes from", "", "", _explained),

@@ -6,7 +6,7 @@ By columns every answer says two things: the load is a lower estimate, and the c
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
@@ -20,11 +20,8 @@ from compact.engines.process.roller_row import RollerRow
 from compact.files import write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, PROCESS_LIFTS, STROKE, Quantity, column_names
 from compact.report.figures import PALETTE, panels
-from compact.report.tables import TableSpec, format_percent, format_quantity, json_number, json_numbers
+from compact.report.tables import TableSpec, format_percent, format_quantity, json_number, json_numbers, json_values
 from compact.report.text import say, sentences
-
-if TYPE_CHECKING:
-    import meshio
 
 FORCES = {  # estimates by lumped lifts -> term
     "load": "load on one roller, drained", "resistance": "resistance of one roller, drained",
@@ -59,7 +56,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         numbers = [each.name for each in fields(LumpedLift) if each.name not in ("rows", "mesh")]
         table = TableSpec.of("lifts", lifts, " ".join(["increments=0", *(f"{name}=1.{name}" for name in numbers)]))
         meshes = enumerate((lift.mesh for lift in row.thinnest.lifts), start=1)
-        frames: list[tuple[float, meshio.Mesh]] = [(float(number), mesh) for number, mesh in meshes if mesh is not None]
+        frames = [(float(number), mesh) for number, mesh in meshes if mesh is not None]
         files += [table.write(directory / "lifts.csv"), write_figure(directory / "lifts.png", draw_lifts(row))]
         files += write_vtu_series(directory / "lifts.pvd", "lifts", "lift", frames)
     files.append(TableSpec.of_arrays("strokes", names, values).write(directory / "strokes.csv"))
@@ -78,27 +75,24 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
     """Return the results for process.json: numbers with units, and sentences."""
     row, by_lifts = study.row, dict[str, Any]()
     if row.lifts is not None:
-        estimates = {name: row.estimate(name) for name in FORCES}
-        errors = ("error", "lumping_error", "mesh_error", "extrapolated_share")
+        errors = "error lumping_error mesh_error extrapolated_share"
         by_lifts = {
-            name: json_number(each.value, "N") | {error: getattr(each, error) for error in errors}
-            for name, each in estimates.items()
+            name: json_number(each.value, "N") | json_values(each, errors)
+            for name, each in ((name, row.estimate(name)) for name in FORCES)
         }
         by_lifts |= {"air_is_counted": study.counts_air} | _with_units(row.numbers_by_lifts, PROCESS_LIFTS)
         by_lifts["sequences"] = [
-            json_numbers(each, "thickness_m")
-            | {"increments": each.increments, "lifts": len(each.lifts), "stopped": each.stopped}
+            json_numbers(each, "thickness_m") | json_values(each, "increments stopped") | {"lifts": len(each.lifts)}
             for each in row.lifts.sequences
         ]
     unit = "kg" if study.problem.machine.strokes is None else "m"
     return {
-        "model": _statement(study),
+        "model": say("process_model", study),
         "rollers": study.scene.machine.rollers,
         "per_roller": _with_units(row.numbers, PROCESS),
         "mix_per_stroke": {name: json_number(value, unit) for name, value in study.mix_balance.items()},
         "parts": [
-            {name: getattr(part, name) for name in ("cause", "origin", "test")}
-            | json_numbers(part, "force_N low_N high_N work_J/m3")
+            json_values(part, "cause origin test") | json_numbers(part, "force_N low_N high_N work_J/m3")
             for part in study.parts
         ],
         "two_dimensions": by_lifts or None,
@@ -110,14 +104,9 @@ def _with_units(numbers: dict[str, float], known: dict[str, Quantity]) -> dict[s
     return {name: json_number(value, known[name].unit) for name, value in numbers.items()}
 
 
-def _statement(study: ProcessStudy) -> str:
-    air = study.scene.mix.pore_air if study.counts_air else ""
-    return say("process_model", study.lifts is not None, air)
-
-
 def process_digest(study: ProcessStudy) -> str:
     """Return the results as lines of text."""
-    row, rollers, lines = study.row, study.scene.machine.rollers, [_statement(study)]
+    row, rollers, lines = study.row, study.scene.machine.rollers, [say("process_model", study)]
     if row.lifts is not None:
         lines += ["", "one roller, two dimensions"]
         for name, term in FORCES.items():

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.ranking_uncertainty import error
-from compact.analysis.sizing.durations import DurationStudy
-from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.sizing import durations, machine_sizing
 from compact.analysis.stages.resistance import sampled_shares
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
@@ -25,6 +23,10 @@ PASS = (
     "speed_m/s=0 pass=1 load_N/m=2.load resistance_N/m=2.resistance coefficient=3 indentation_m=2.indentation "
     "exit_height_m=2.exit_height exit_density_ratio=2.exit_density_ratio load_error=2.error.0 "
     "resistance_error=2.error.1 work_residual=2.work_residual mass_residual=2.mass_residual"
+)
+LAW = (
+    "law=0.name peak_velocity_m/s=1.velocity peak_acceleration_m/s2=1.acceleration peak_jerk_m/s3=1.jerk "
+    "peak_snap_m/s4=1.snap continuity=2 J1_m2/s=3 J2_m2/s3=4 J3_m2/s5=5 J4_m2/s7=6"
 )
 CYCLE = (
     "time_s position_m velocity_m/s acceleration_m/s2 jerk_m/s3 resistance_N drive_force_N drive_power_W "
@@ -81,37 +83,10 @@ def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[Table
     yield TableSpec.of("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4")
 
 
-def law_table(study: Study) -> TableSpec:
-    """Tabulate peaks, continuity and criteria of the laws."""
-    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
-    rows = [
-        (each.forward, each.forward.peaks(), f"C{each.forward.smoothness(turn)}",
-         *(each.criterion(order) for order in range(1, 5)))
-        for each in study.stages.laws.cycles.values()
-    ]  # fmt: skip
-    return TableSpec.of(
-        "laws", rows, "law=0.name peak_velocity_m/s=1.velocity peak_acceleration_m/s2=1.acceleration "
-        "peak_jerk_m/s3=1.jerk peak_snap_m/s4=1.snap continuity=2 J1_m2/s=3 J2_m2/s3=4 J3_m2/s5=5 J4_m2/s7=6",
-    )  # fmt: skip
-
-
 def formula_table(study: Study) -> TableSpec:
     """Tabulate the formulas and the exact half-plane, with the range over the spread of the mix."""
     names = "quantity=0 value=1.value unit=1.unit low=1.low high=1.high known_by=1.known_by"
     return TableSpec.of("engineering", study.stages.contacts.numbers.items(), names)
-
-
-def stroke_table(study: Study) -> TableSpec:
-    """Tabulate the shares of force and load after the turns of the cart, by every engine."""
-    laws, cart = {study.scene.accuracy.engine: study.stages.resistance.resistance}, study.stages.resistance.cart
-    laws |= {name: other.resistance for name, other in study.comparison.items()}
-    rows = [
-        (engine, side, *row)
-        for engine, law in laws.items()
-        for side, *columns in sampled_shares(law, cart, study.scene.motion)
-        for row in zip(*columns, strict=True)
-    ]
-    return TableSpec.of("resistance-along-stroke", rows, "engine=0 side=1 travel_m=2 force_share=3 load_share=4")
 
 
 def mix_table(study: Study) -> TableSpec:
@@ -121,32 +96,33 @@ def mix_table(study: Study) -> TableSpec:
 
 def study_tables(study: Study) -> Iterator[TableSpec]:
     """Tabulate formulas, mix, laws, cycles, drive, rankings and sizing: the output item "tables"."""
-    joins = [(name, join) for name, cycle in study.stages.laws.cycles.items() for join in cycle.discontinuities()]
-    names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
-    yield from (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names))
-    yield stroke_table(study)
+    cycles, scene, stage = study.stages.laws.cycles, study.scene, study.stages.resistance
+    turn: EndCondition = "dwell" if scene.motion.dwell > 0 else "reversal"
+    laws = [
+        (each.forward, each.forward.peaks(), f"C{each.forward.smoothness(turn)}", *map(each.criterion, range(1, 5)))
+        for each in cycles.values()
+    ]
+    joins = [(name, join) for name, cycle in cycles.items() for join in cycle.discontinuities()]
+    forces = {scene.accuracy.engine: stage.resistance}
+    forces |= {name: other.resistance for name, other in study.comparison.items()}
+    shares = [
+        (engine, side, *row)
+        for engine, force in forces.items()
+        for side, *columns in sampled_shares(force, stage.cart, scene.motion)
+        for row in zip(*columns, strict=True)
+    ]
+    yield from (formula_table(study), mix_table(study), TableSpec.of("laws", laws, LAW))
+    yield TableSpec.of("joins", joins, "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after")
+    yield TableSpec.of("resistance-along-stroke", shares, "engine=0 side=1 travel_m=2 force_share=3 load_share=4")
     for name, run in study.stages.drive.runs.items():
         forces = run.state.forces
         values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction
         yield TableSpec.of_arrays(f"cycles/{name}", CYCLE, values)
-    yield from _drive_tables(study)
-    yield from _ranking_tables(study)
-    yield from sizing_tables(study.machine_sizing)
-
-
-def _drive_tables(study: Study) -> Iterator[TableSpec]:
-    """Tabulate the runs of the drive of the scene, and its own arrays."""
-    stage = study.stages.drive
-    if stage.model.table:
-        title, names = stage.model.table
-        yield TableSpec.of(
-            title, stage.model.own_runs(list(study.stages.drive.runs.values())), names, **stage.model.computed
-        )
-    yield from (TableSpec.of_arrays(*table) for table in stage.tables())
-
-
-def _ranking_tables(study: Study) -> Iterator[TableSpec]:
-    """Tabulate rankings and, where engines are compared, their contacts."""
+    drive, model = study.stages.drive, study.stages.drive.model
+    if model.table:
+        title, names = model.table
+        yield TableSpec.of(title, model.own_runs(list(drive.runs.values())), names, **model.computed)
+    yield from (TableSpec.of_arrays(*table) for table in drive.tables())
     ranked = [
         (each, CRITERIA[by].unit, each.law, by, engine, moved_by)
         for engine, orders in study.places_by_engine.items() for moved_by, order in orders.items()
@@ -157,12 +133,7 @@ def _ranking_tables(study: Study) -> Iterator[TableSpec]:
     for name, other in study.comparison.items():
         if other.records:
             yield TableSpec.of(f"comparison/{name}/contact", other.records, CONTACT)
-
-
-def criterion_error(study: Study, run: Any, by: str) -> float | None:
-    """Estimate the error of a criterion from that of the resistance, in its unit; None where that is unknown."""
-    heavier = study.stages.drive.heavier_runs
-    return None if heavier is None else error(run, heavier.get(run.name), by)
+    yield from sizing_tables(study.machine_sizing)
 
 
 def reaction_tables(study: Study) -> Iterator[TableSpec]:
@@ -218,7 +189,7 @@ def crank_tables(study: Study) -> Iterator[TableSpec]:
     yield TableSpec.of_arrays("crank-turn", names, values)
 
 
-def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
+def sizing_tables(sizing: machine_sizing.MachineSizing) -> Iterator[TableSpec]:
     """Tabulate shaft and motor of every law, the catalogue, and loads of wheels, as far as they exist."""
     if sizing.laws:
         yield TableSpec.of("motor-sizing", sizing.laws.values(), SIZING)
@@ -231,7 +202,7 @@ def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
     yield TableSpec.of("wheel-loads", cycles, names)
 
 
-def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
+def duration_tables(found: durations.DurationStudy) -> Iterator[TableSpec]:
     """Tabulate the laws at every duration, and the durations at which the first law changes."""
     ranked = [
         (each, CRITERIA[by].unit, each.run.name, by, duration)

@@ -142,6 +142,11 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
     return low, middle, high
 
 
+def _plane(table: "Dataset", *names: str) -> "Dataset":
+    """Return a sweep over some of its keys, at the first value of the others."""
+    return table.isel({name: 0 for name in table["load"].dims if name not in names})
+
+
 def _axis_label(table: "Dataset", name: str) -> str:
     """Return the label of a varied key with its unit."""
     key, words = table[name].attrs["key"], name.replace("_", " ")
@@ -152,8 +157,8 @@ def _panels(names: Sequence[str], draw: Callable[[Axes, str], None], *labels: st
     """Draw one panel for each name, PANEL_COLUMNS a row, over one key or two."""
     rows = -(-len(names) // PANEL_COLUMNS)
     figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.7), layout="constrained")
-    for number, name in enumerate(names):
-        ax = figure.add_subplot(rows, PANEL_COLUMNS, number + 1)
+    for number, name in enumerate(names, start=1):
+        ax = figure.add_subplot(rows, PANEL_COLUMNS, number)
         draw(ax, name)
         ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=False)))
     return figure
@@ -169,7 +174,7 @@ def _legend(figure: Figure, marks: Sequence[Any]) -> None:
 def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
     """Draw quantities, or first laws, over the last two varied keys, at the first value of other keys."""
     y, x = numeric_axes(table)[-2:]
-    plane = table.isel({name: 0 for name in table["load"].dims if name not in (x, y, "sample")}).transpose(y, x, ...)
+    plane = _plane(table, x, y, "sample").transpose(y, x, ...)
     best = sorted({law for name in names if name.startswith(BEST_LAW) for law in plane[name].values.flat} - {""})
     unreachable = plane["not_reachable"] != ""
     if "sample" in unreachable.dims:
@@ -209,7 +214,7 @@ def draw_window(table: "Dataset") -> Figure:
 
     Over speed of the mould and strokes a minute; hatched where a limit is met, or, by its reason, without a number.
     """
-    plane = table.isel({name: 0 for name in table["load"].dims if name not in WINDOW}).transpose(*WINDOW)
+    plane = _plane(table, *WINDOW).transpose(*WINDOW)
     dwell = json.loads(table.attrs["scene"])["motion"]["dwell"]
     rate, speed = MINUTE / (plane["duration"].values + dwell), MINUTE * plane["mould_speed"].values
     figure = Figure(figsize=(7.6, 5.6), layout="constrained")
@@ -253,7 +258,7 @@ def _of_scene(table: "Dataset", name: str) -> float | None:
 def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
     """Draw quantities over the last varied key, at the first value of other keys, with bands of a sample."""
     x = numeric_axes(table)[-1]
-    plane = table.isel({name: 0 for name in table["load"].dims if name not in (x, "sample")})
+    plane = _plane(table, x, "sample")
 
     def draw(ax: Axes, name: str) -> None:
         quantity = SWEEP_POINT[name]

@@ -6,7 +6,7 @@ Numbers are in SI units with three digits and the unit in the text. Sentences ha
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import islice
 from textwrap import wrap
@@ -17,8 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.decision import measurements
-from compact.analysis.stages.robust_range import missing_for_pool
-from compact.analysis.stages.uncertainty import DRIVE
+from compact.analysis.stages import robust_range, uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
@@ -56,9 +55,9 @@ def templates() -> Environment:
         "degrees": math.degrees,
     }
     environment.tests["finite"] = math.isfinite
-    functions = coverage, fitted_inputs, infinite_laws, measurements, missing_for_pool, other_verdicts
+    functions = coverage, fitted_inputs, infinite_laws, measurements, robust_range.missing_for_pool, other_verdicts
     environment.globals |= {each.__name__: each for each in functions}
-    environment.globals |= {"CRITERIA": CRITERIA, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
+    environment.globals |= {"CRITERIA": CRITERIA, "DRIVE": uncertainty.DRIVE, "FULL": MEASURED_DENSITY_RATIO}
     return environment
 
 
@@ -86,11 +85,6 @@ def lines(name: str, *facts: Any) -> list[str]:
 def figures() -> dict[str, tuple[str, str]]:
     """Return description and caption of the figures of the page by name."""
     return dict(_macros().figures)
-
-
-def plain(text: str) -> str:
-    """Return a text without the marks of strong words."""
-    return text.replace("**", "")
 
 
 def answer_sentences(study: Study) -> list[str]:
@@ -160,7 +154,7 @@ def model_table(study: Study) -> TableSpec:
         told = {"model": name, "for sizing?": f"no, {FAILURES[type(failure)]}"}
         for head, cells in columns.items():
             cells.append(told.get(head, "–"))
-    return TableSpec.of_columns(say("models", study), columns)
+    return TableSpec.of_columns("Resistance of a cart and first laws by every model", columns)
 
 
 def measurement_table(study: Study) -> TableSpec:
@@ -174,13 +168,16 @@ def measurement_table(study: Study) -> TableSpec:
     return TableSpec.of_columns("What to measure first, and the margin that remains", columns)
 
 
-def uncertainty_table(study: Study) -> TableSpec:
-    """Tabulate the sources of uncertainty: change of the peaks of the decided law, and first laws at the ends."""
-    sources, law = study.uncertainty.sources if study.uncertainty else (), study.choice.law if study.choice else ""
-    columns = {"source": [each.name for each in sources], "variation": [each.variation for each in sources]}
-    for by in study.uncertainty.laws if study.uncertainty else ():
-        columns[CRITERIA[by].quantity.term] = [say("changes", each.changes(law, by)) for each in sources]
-    return TableSpec.of_columns(f"Sources of uncertainty: change of the peaks of {law}", columns)
+def uncertainty_tables(study: Study) -> Iterator[TableSpec]:
+    """Tabulate what to measure first, and the sources of uncertainty: changes of the peaks of the decided law."""
+    known, law = study.uncertainty, study.choice.law if study.choice else ""
+    if known is None or not known.sources:
+        return
+    yield measurement_table(study)
+    columns = {"source": [each.name for each in known.sources], "variation": [each.variation for each in known.sources]}
+    for by in known.laws:
+        columns[CRITERIA[by].quantity.term] = [say("changes", each.changes(law, by)) for each in known.sources]
+    yield TableSpec.of_columns(f"Sources of uncertainty: change of the peaks of {law}", columns)
 
 
 # the terminal
@@ -196,15 +193,11 @@ def study_digest(study: Study) -> str:
     """
     found = [study.scene.title or "untitled scene"]
     if study.decision:
-        found += [
-            *_wrapped(plain(say("recommended", study))),
-            *_rows(decision_table(study)),
-            *_rows(model_table(study)),
-        ]
-    waiting = [_wrapped(plain(each)) for each in answer_sentences(study)]
+        found += _wrapped(say("recommended", study)) + _rows(decision_table(study)) + _rows(model_table(study))
+    waiting = [_wrapped(each) for each in answer_sentences(study)]
     while waiting and len(found) + len(waiting[0]) + (len(waiting) > 1) <= DIGEST_LINES:
         found += waiting.pop(0)
-    return "\n".join([*found, *(_wrapped(say("more", len(waiting))) if waiting else ())])
+    return "\n".join([*found, *([f"  {len(waiting)} more in report.html and summary.json"] if waiting else [])])
 
 
 def _rows(table: TableSpec) -> list[str]:
@@ -217,7 +210,8 @@ def _rows(table: TableSpec) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    return [f"  {line}" for line in wrap(text, TEXT_WIDTH)]
+    """Return a text without the marks of strong words in lines."""
+    return [f"  {line}" for line in wrap(text.replace("**", ""), TEXT_WIDTH)]
 
 
 def contact_digest(study: Study, speed: float, passes: Sequence[Contact]) -> str:

@@ -3,18 +3,15 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compact import quantities
-from compact.analysis.contact_cases import HeldQuantity
-from compact.analysis.ranking_uncertainty import Place
+from compact.analysis import contact_cases, ranking_uncertainty
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages.kept_results import write_results
-from compact.analysis.stages.model_spread import ModelSpread
-from compact.analysis.stages.uncertainty import RankingUncertainty
+from compact.analysis.stages import kept_results, model_spread, uncertainty
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import (
@@ -27,14 +24,12 @@ from compact.files import (
     write_vtu_series,
 )
 from compact.machine.ranking import CRITERIA, value_of
-from compact.report import results
+from compact.report import contact_figures, figures, process, results
 from compact.report.explain import decision_numbers, input_numbers
+from compact.report.page import write_page
 from compact.report.tables import TableSpec, json_number, json_numbers, json_values
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
-
-if TYPE_CHECKING:
-    from compact.analysis.robust.law import RobustLaw, WorstDrive
 
 SCHEMA = 4  # of summary.json; raised when a key in it changes its meaning
 MOTOR = (
@@ -69,14 +64,22 @@ def write_study(
         If a file cannot be written or the directory holds results of another scene.
     """
     items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
-    with claimed_directory(directory, study.scene.owner, force) as place, study.helped(executor or SerialExecutor()):
-        files = list(_write_contacts(study, place)) if layered else []
+    claimed = claimed_directory(directory, study.scene.owner, force)
+    with claimed as place, study.helped(executor or SerialExecutor()):
+        contacts, files = study.stages.contacts, list[Path]()
+        if layered:
+            files.append(results.contact_table(study).write(place / "contact.csv"))
+        if contacts.compacts:
+            standing = study.standing(place, "passes.csv", "density.csv")
+            files += standing or results.write_tables(place, results.pass_tables(contacts.passes))
         study.begin_contacts()
-        for item in ("reactions", "cams", "crank"):
-            if item in items:
-                files += results.write_tables(place, results.ITEMS[item](study))
-        if "fields" in items:
-            files += _write_fields(study, place)
+        for item in (each for each in ("reactions", "cams", "crank") if each in items):
+            files += results.write_tables(place, results.ITEMS[item](study))
+        if "fields" in items and (standing := study.standing(place, "fields.pvd", "fields/", "fields.png")):
+            files += standing
+        elif "fields" in items:
+            files += _write_layers(place, [(contacts.field_mesh(first), first) for _, first in contacts.first_passes])
+            study.count("figures")
         kept = list(study.keep(place, files)) if layered else []  # after what needs no second pass
         drawn = {}
         for name, figure in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
@@ -96,7 +99,7 @@ def write_study(
         files += kept
         for name, other in study.comparison.items():
             if other.kept:  # contacts and map of a compared engine, for the next run
-                files += write_results(place / "comparison" / name, other.kept, other.key)
+                files += kept_results.write_results(place / "comparison" / name, other.kept, other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
     return summary
@@ -106,15 +109,6 @@ def _png(figure: tuple[Any, ...]) -> bytes:
     """Draw a figure, function and results, as the content of a PNG file."""
     draw, *shown = figure
     return render_png(draw(*shown))
-
-
-def _write_contacts(study: Study, place: Path) -> Iterator[Path]:
-    """Write contact.csv; of a compacting layer also passes.csv and density.csv."""
-    contacts = study.stages.contacts
-    yield results.contact_table(study).write(place / "contact.csv")
-    if contacts.compacts:
-        standing = study.standing(place, "passes.csv", "density.csv")
-        yield from standing or results.write_tables(place, results.pass_tables(contacts.passes))
 
 
 def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[Contact]) -> None:
@@ -127,8 +121,6 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     passes : sequence of Contact
         Results of the passes in order; the tractions are those of the first.
     """
-    from compact.report import contact_figures
-
     first, stage, engine = passes[0], study.stages.contacts, study.scene.accuracy.engine
     values = first.x, first.pressure, first.shear_traction
     table = TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values)
@@ -144,28 +136,13 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
 
 def _write_layers(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Path]:
     """Write the fields of contacts, pairs of mesh and result, as VTU files and as a figure."""
-    from compact.report import contact_figures
-
     frames = ((contact.speed, mesh) for mesh, contact in layers)
     yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
     yield write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
 
 
-def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
-    if standing := study.standing(directory, "fields.pvd", "fields/", "fields.png"):
-        yield from standing
-    else:
-        contacts = study.stages.contacts
-        layers = [(contacts.field_mesh(result), result) for _, result in contacts.first_passes]
-        yield from _write_layers(directory, layers)
-        study.count("figures")
-
-
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:
     """Write the pressure along the contact, or the section of a process, and the page."""
-    from compact.report import contact_figures, process
-    from compact.report.page import write_page
-
     study.count("report")
     stage = study.stages.contacts
     if standing := study.standing(directory, "pressure.png"):
@@ -184,8 +161,6 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
 
 def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report import contact_figures, figures
-
     drive, cycles = study.stages.drive, study.stages.laws.cycles
     places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
     found: dict[str, tuple[Any, ...]] = {}
@@ -282,7 +257,7 @@ def _failures(study: Study, kind: str) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
+def _held(held: contact_cases.HeldQuantity | None) -> dict[str, Any] | None:
     """Convert the quantity that is held constant over speed."""
     if held is None:
         return None
@@ -309,7 +284,7 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _model_spread(spread: ModelSpread) -> dict[str, Any]:
+def _model_spread(spread: model_spread.ModelSpread) -> dict[str, Any]:
     """Convert the contacts by the other laws of the mix."""
     own = "load resistance cohesion_loose_Pa saturation_limit"
     bands = {"load": spread.load, "resistance": spread.resistance}
@@ -317,7 +292,7 @@ def _model_spread(spread: ModelSpread) -> dict[str, Any]:
     return found | {"variants": [asdict(each) | json_numbers(each, own) for each in spread.variants]}
 
 
-def _verdict(study: Study, known: RankingUncertainty) -> dict[str, Any]:
+def _verdict(study: Study, known: uncertainty.RankingUncertainty) -> dict[str, Any]:
     """Convert models, verdicts and their uncertainty."""
     models = []
     for each in study.models:
@@ -335,12 +310,12 @@ def _verdict(study: Study, known: RankingUncertainty) -> dict[str, Any]:
     }
 
 
-def _robust_law(scene: Scene, found: "RobustLaw") -> dict[str, Any]:
+def _robust_law(scene: Scene, found: Any) -> dict[str, Any]:
     """Convert a robust law: its worst peak and that of the best published law, each with its drive, and the range."""
     plants, unit = found.plants, CRITERIA[found.objective.removeprefix("robust_")].unit
     resistances, speed = (*plants.resistances, *plants.inner), scene.mean_speed
 
-    def worst(drive: "WorstDrive") -> dict[str, Any]:
+    def worst(drive: Any) -> dict[str, Any]:
         resistance = resistances[drive.resistance]
         sides = [getattr(resistance, side, None) for side in ("forward", "backward")]
         return {
@@ -409,10 +384,13 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     content = {by: value_of(run, by) for by in CRITERIA} | {name: getattr(run, name) for name in own}
     if bool(study.stages.contacts.speeds):
         content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
-    return content | {"errors": {by: results.criterion_error(study, run, by) for by in CRITERIA}}
+    heavier = study.stages.drive.heavier_runs  # None where the error of the resistance is unknown
+    heavy = heavier and heavier.get(run.name)
+    errors = {by: None if heavier is None else ranking_uncertainty.error(run, heavy, by) for by in CRITERIA}
+    return content | {"errors": errors}
 
 
-def _rankings(orders: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
+def _rankings(orders: Mapping[str, Iterable[ranking_uncertainty.Place]]) -> dict[str, list[dict[str, Any]]]:
     """Convert the places by criterion; `reason` is of infinite values only."""
     names = "rank law value margin error resolved tie"
     return {
