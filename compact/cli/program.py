@@ -174,9 +174,9 @@ def schema(name: Literal["scene", "summary"] = "scene", /) -> None:
     name
         file that the schema describes
     """
-    from compact.scene.loader import schema_of
+    from compact.scene.loader import scene_schema, summary_schema
 
-    print(json_text(schema_of(name)))
+    print(json_text(scene_schema() if name == "scene" else summary_schema()))
 
 
 @app.command
@@ -249,13 +249,12 @@ def roll(
     if speed is not None:
         given.require_fields(**{"contact.speeds": [speed]})
     speed = given.mean_speed if speed is None else speed
-    name = given.accuracy.engine
     with job.writing(scene, "roll", given) as (directory, progress):
         study = Study(given, progress=progress.report)
         contacts = study.stages.contacts
         if picture is not None:
             contacts.require_fields()
-        progress.begin(f"contact by {name}")
+        progress.begin(f"contact by {given.accuracy.engine}")
         passes = contacts.passes_at(speed)
         progress.begin("tables and figures")
         writer.write_contact(directory, study, speed, passes)
@@ -588,8 +587,5 @@ def validate(
     summaries = validation.case_summaries(results)
     console.show(lambda: validation.validation_text(results) + files, files=written, cases=summaries)
     moved = sum(each.moved for result in results for each in result.rows.values())
-    return (
-        cli.print_error(f"{moved} computed numbers have moved from the recorded ones", cli.NO_RESULT)
-        if moved
-        else SUCCESS
-    )
+    words = f"{moved} computed numbers have moved from the recorded ones"
+    return cli.print_error(words, cli.NO_RESULT) if moved else SUCCESS

@@ -187,15 +187,13 @@ def rule_of(message: str) -> str:
 
 def _remedy(error: Mapping[str, Any], info: FieldInfo) -> str:
     kind, value, remedy = error["type"], error["input"], f"give {info.description}"
-    if kind == "literal_error" and isinstance(value, str) and (near := get_close_matches(value, _choices(error), n=1)):
-        return f"did you mean '{near[0]}'?"
+    if kind == "literal_error" and isinstance(value, str):
+        choices = re.findall(r"'([^']+)'", error["ctx"]["expected"])
+        if near := get_close_matches(value, choices, n=1):
+            return f"did you mean '{near[0]}'?"
     if kind in ("float_type", "int_type") and isinstance(value, str):
         return f"{remedy}, without quotes, decimal comma or unit"
     return f"{remedy} in square brackets" if kind == "tuple_type" else remedy
-
-
-def _choices(error: Mapping[str, Any]) -> list[str]:
-    return re.findall(r"'([^']+)'", error["ctx"]["expected"])
 
 
 def shown(value: object) -> str:

@@ -17,6 +17,7 @@ summary.json is the data file `summary.schema.json`.
 """
 
 import json
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,25 +27,26 @@ from hashlib import sha256
 from importlib.resources import files
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Self
 
 from pydantic import PrivateAttr, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from compact.engines import ENGINES
-from compact.engines.interface import Limit
+from compact.engines import BUILT_IN, ENGINES
+from compact.engines.interface import Engine, Limit
 from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences, value_at
-from compact.scene.engine_choice import AUTO, choose_engine
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.schema import LAW_NAMES, SceneTables, extra_of
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change"]
 
 
+AUTO = "auto"  # engine that `choose_engine` replaces
+SIZES = ("machine.roller_radius", "mix.density_ratio", "layer.fed_density_ratio")  # of the height over contact length
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
 UNHASHED = {"title", "unusual", "output"}  # keys and tables on which no number depends
 LONGEST_NAME = 100  # [characters], of changed values in the name of a folder
@@ -125,10 +127,10 @@ class Scene(SceneTables):
             text = _bytes(path).decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise SceneError([f"{path}: {errors.unreadable_sentence(path, error)}"]) from None
-        return _parsed(cls, text, str(path), changes)
+        return cls.parse(text, str(path), **changes)
 
     @classmethod
-    def parse(cls, text: str, file: str = "<text>") -> Self:
+    def parse(cls, text: str, file: str = "<text>", **changes: object) -> Self:
         """Read a scene from a TOML text.
 
         Parameters
@@ -137,8 +139,68 @@ class Scene(SceneTables):
             Content of a scene file.
         file : str
             File name for messages; law tables are searched in its folder.
+        **changes : object
+            As of `load`.
         """
-        return _parsed(cls, text, file, {})
+        try:
+            data = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
+            raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
+        if not data:
+            raise SceneError([f"{file}: holds no key; `compact new DIR` writes a commented scene"])
+        lines, remarks = errors.key_places(text)
+        source = Source(file, lines, remarks=remarks, given=deepcopy(data))
+        return cls._checked(data, source, changes, _rules(source))
+
+    @classmethod
+    def _checked(
+        cls, data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Iterable[Rule]]
+    ) -> Self:
+        """Return the scene of the changed data, whose fields, rules and compared engines are valid."""
+        scene, source, mistakes = cls._validated(data, source, changes)
+        for group in rules:  # first a value in other units, which breaks rules as well
+            mistakes += sentences(group, data, refused=mistakes)
+        if not mistakes:
+            scene._source = source
+            for engine in scene.compared_engines if scene.compare else ():
+                try:
+                    scene.with_engine(engine)
+                except SceneError as error:
+                    said = (each.split(": ", 1)[1] for each in error.mistakes)
+                    mistakes += [Mistake(("compare", engine), f"with it {sentence}") for sentence in said]
+        if mistakes:
+            raise SceneError(source.report(mistakes))
+        return scene
+
+    @classmethod
+    def _validated(
+        cls, data: dict[str, Any], source: Source, changes: Mapping[str, object]
+    ) -> tuple[Any, Source, list[Mistake]]:
+        """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
+        mistakes: list[Mistake] = []
+        for path, value in changes.items():
+            *above, last = key = tuple(path.split("."))
+            source, table = source.changed(key), data
+            for depth, part in enumerate(above, 1):
+                table = table.setdefault(part, {})
+                if not isinstance(table, dict):
+                    words = f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"
+                    mistakes.append(Mistake(key, words))
+                    break
+            else:
+                if value is None:
+                    table.pop(last, None)
+                else:
+                    table[last] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
+        _drop_fits(data, changes)
+        accuracy = data.get("accuracy")
+        if isinstance(accuracy, dict) and accuracy.get("engine") == AUTO:
+            accuracy["engine"], why = choose_engine(data)
+            source = replace(source, remarks={**source.remarks, ("accuracy", "engine"): f"{AUTO}: {why}"})
+        try:
+            return cls.model_validate(data), source, mistakes
+        except ValidationError as error:
+            return None, source, mistakes + errors.field_mistakes(error, cls)
 
     def _neglected(self, engine: str) -> list[Limit]:
         """Return the limits of the formulas, or of the process, that the scene sets for the engine compared with it."""
@@ -178,15 +240,14 @@ class Scene(SceneTables):
     @property
     def replacements(self) -> dict[str, tuple[str, ...]]:
         """Sentences on the values that each engine replaces, by engine."""
-        own, found = self.accuracy.engine, {}
-        for name in (own, *self.compared_engines):
-            scene = self if name == own else self.with_engine(name)
-            neglected = self._neglected(name) if name != own else ()
-            left_out = [replaced(name, limit, limit.value_in(self)) for limit in neglected]
-            fits = scene.mix.fit_remark
-            told = fits and (name == own or fits != self.mix.fit_remark)
-            left_out += [self.engine_reason] if name == own and self.engine_reason else []
-            found[name] = (*left_out, *adapt(scene, name)[1], *([f"{name}: {fits}"] if told else []))
+        own, fits = self.accuracy.engine, self.mix.fit_remark
+        remarks = [f"{own}: {fits}"] if fits else []
+        found = {own: (*filter(None, [self.engine_reason]), *adapt(self, own)[1], *remarks)}
+        for name in self.compared_engines:
+            scene = self.with_engine(name)
+            neglected = (replaced(name, limit, limit.value_in(self)) for limit in self._neglected(name))
+            remarks = [f"{name}: {scene.mix.fit_remark}"] if scene.mix.fit_remark not in ("", fits) else []
+            found[name] = (*neglected, *adapt(scene, name)[1], *remarks)
         return found
 
     @property
@@ -299,7 +360,7 @@ class Scene(SceneTables):
             scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
         rules = [_involving(changes, group) for group in _rules(self._source)]  # the others hold as they did
-        return _checked(type(self), self._given(), self._source, changes, rules)
+        return self._checked(self._given(), self._source, changes, rules)
 
     def require_fields(self, **changes: object) -> None:
         """Validate changed keys one by one, without the rules between keys.
@@ -310,7 +371,7 @@ class Scene(SceneTables):
             If a key is unknown, or its value is out of bounds or implausible.
         """
         data = self._given()
-        _, source, mistakes = _validated(type(self), data, self._source, changes)
+        _, source, mistakes = self._validated(data, self._source, changes)
         mistakes += sentences(_involving(changes, plausible_ranges.REFUSALS), data, refused=mistakes)
         if mistakes:
             raise SceneError(source.report(mistakes))
@@ -318,9 +379,6 @@ class Scene(SceneTables):
     def _given(self) -> dict[str, Any]:
         """Return the keys that the scene sets, as nested tables."""
         return self.model_dump(exclude_none=True, exclude_unset=True)
-
-
-AnyScene = TypeVar("AnyScene", bound=Scene)
 
 
 load_scene, parse_scene = Scene.load, Scene.parse
@@ -349,18 +407,6 @@ def _bytes(path: str | Path) -> bytes:
         raise SceneError([f"{path}: {errors.unreadable_sentence(path, error)}"]) from None
 
 
-def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, object]) -> AnyScene:
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
-        raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
-    if not data:
-        raise SceneError([f"{file}: holds no key; `compact new DIR` writes a commented scene"])
-    lines, remarks = errors.key_places(text)
-    source = Source(file, lines, remarks=remarks, given=deepcopy(data))
-    return _checked(kind, data, source, changes, _rules(source))
-
-
 def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
     """Yield (key path, value) of nested tables."""
     for key, value in keys.items():
@@ -380,59 +426,6 @@ def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
     return [rule for rule in rules if rule.involves(keys)]
 
 
-def _checked(
-    kind: type[AnyScene],
-    data: dict[str, Any],
-    source: Source,
-    changes: Mapping[str, object],
-    rules: Iterable[Iterable[Rule]],
-) -> AnyScene:
-    """Return the scene of the changed data, whose fields, rules and compared engines are valid."""
-    scene, source, mistakes = _validated(kind, data, source, changes)
-    for group in rules:  # first a value in other units, which breaks rules as well
-        mistakes += sentences(group, data, refused=mistakes)
-    if not mistakes:
-        scene._source = source
-        for engine in scene.compared_engines if scene.compare else ():
-            try:
-                scene.with_engine(engine)
-            except SceneError as error:
-                said = (each.split(": ", 1)[1] for each in error.mistakes)
-                mistakes += [Mistake(("compare", engine), f"with it {sentence}") for sentence in said]
-    if mistakes:
-        raise SceneError(source.report(mistakes))
-    return scene
-
-
-def _validated(
-    kind: type[Scene], data: dict[str, Any], source: Source, changes: Mapping[str, object]
-) -> tuple[Any, Source, list[Mistake]]:
-    """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
-    mistakes: list[Mistake] = []
-    for path, value in changes.items():
-        *above, last = key = tuple(path.split("."))
-        source, table = source.changed(key), data
-        for depth, part in enumerate(above, 1):
-            table = table.setdefault(part, {})
-            if not isinstance(table, dict):
-                mistakes.append(Mistake(key, f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"))
-                break
-        else:
-            if value is None:
-                table.pop(last, None)
-            else:
-                table[last] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
-    _drop_fits(data, changes)
-    accuracy = data.get("accuracy")
-    if isinstance(accuracy, dict) and accuracy.get("engine") == AUTO:
-        accuracy["engine"], why = choose_engine(data)
-        source = replace(source, remarks={**source.remarks, ("accuracy", "engine"): f"{AUTO}: {why}"})
-    try:
-        return kind.model_validate(data), source, mistakes
-    except ValidationError as error:
-        return None, source, mistakes + errors.field_mistakes(error, kind)
-
-
 def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
     """Drop from `[mix.fitted_at]` the parameters that a caller gives: given values hold as they are."""
     mix: Any = data.get("mix")
@@ -448,9 +441,50 @@ def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
         del mix["fitted_at"]
 
 
+def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the cheapest engine that may size the drive of a scene, of nested tables, and the reason as a clause.
+
+    Irreversible compaction causes most of the resistance, so that an engine must have a density of the fed mix. The
+    height of the layer over the contact length is estimated without a contact:
+
+        H/L,    L = sqrt(2 R depth),    depth = H (k/k_fed - 1)
+
+    The model that another engine corrects, columns, needs a fit to forces of a roller as well: without one it has 0.3
+    to 0.7 of the resistance by finite elements on lifts of 0.5 to 1.7 contact lengths (R 0.09 m, k_fed 0.85 and 0.94).
+    Where no engine may size the drive, it is the last of them.
+    """
+
+    def value(key: str) -> Any:
+        return value_at(data, tuple(key.split(".")))
+
+    sizes = *map(value, SIZES), value("layer.lift_thickness") or value("product.height")
+    radius, density_ratio, fed, height = sizes
+    known = all(isinstance(each, float) and each > 0 for each in sizes)
+    strain = density_ratio / fed - 1 if known else 0.0
+    ratio = math.sqrt(height / (2 * radius * strain)) if strain > 0 else None
+    fitted = {"heckel_slope", "fed_density_ratio"} <= {*(value("mix.fitted_at.parameters") or ())}
+    able = sorted((each for each in BUILT_IN.values() if each.reads(SIZES[-1])), key=lambda each: each.cost)
+    against = {each.name: _reason_against(each, value, ratio, fitted) for each in able}
+    chosen = next((each.name for each in able if not against[each.name]), able[-1].name)
+    passed = [f"{name} has {words}" for name, words in against.items() if words and name != chosen]
+    return chosen, "; ".join(["the cheapest that may size this scene", *passed])
+
+
+def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: bool) -> str:
+    """State what an engine lacks on a scene; empty if nothing."""
+    if found := engine.valid(ratio):
+        return found
+    if not fitted and any(each.low_fidelity == engine.name for each in BUILT_IN.values()):
+        return "no fit to forces of a roller"
+    for limit in engine.limits:
+        given = value(limit.key)
+        if not (given is None or limit.fixed or limit.takes(given, value("mix.overrides.steel_friction"))):
+            return f"no {limit.key} = {given}"
+    return ""
+
+
 SCENE_SCHEMA_FILE = "scene.schema.json"  # file next to the scene of `compact new`
 DIALECT = "http://json-schema.org/draft-07/schema#"  # the one that editors of TOML read
-SchemaName = Literal["scene", "summary"]
 
 
 class _TomlSchema(GenerateJsonSchema):
@@ -493,14 +527,3 @@ def summary_schema() -> dict[str, Any]:
         Schema of the dialect DIALECT.
     """
     return json.loads((files("compact") / "data" / "summary.schema.json").read_text("utf-8"))
-
-
-def schema_of(name: SchemaName) -> dict[str, Any]:
-    """Return a schema by its name.
-
-    Parameters
-    ----------
-    name : {"scene", "summary"}
-        File that it describes.
-    """
-    return scene_schema() if name == "scene" else summary_schema()

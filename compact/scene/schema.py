@@ -17,17 +17,8 @@ from collections.abc import Callable, Iterator
 from functools import cache, partial
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    ValidationError,
-    WrapValidator,
-    model_validator,
-)
+import pydantic
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
@@ -130,7 +121,7 @@ def _or_installed(registry: Registry[Any]) -> tuple[Any, ...]:
         is_other = isinstance(value, str) and value not in registry.own and value in registry.installed
         return value if is_other else of_this_package(value)
 
-    return WrapValidator(validate), PlainSerializer(str, str)
+    return pydantic.WrapValidator(validate), pydantic.PlainSerializer(str, str)
 
 
 def _turn(value: Any) -> Any:
@@ -526,7 +517,7 @@ class Compare(Table):
         unknown = [name for name in given if name not in known] if isinstance(given, dict) else []
         if unknown:
             found = [InitErrorDetails(type="extra_forbidden", loc=(name,), input=given[name]) for name in unknown]
-            raise ValidationError.from_exception_data(cls.__name__, found)
+            raise pydantic.ValidationError.from_exception_data(cls.__name__, found)
         return given
 
 
