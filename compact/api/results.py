@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.analysis import process, study
-from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, scene_mix
-from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
-from compact.analysis.pore_air import has_air
+from compact.analysis import contact_cases, material_tests, pore_air, process, study
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.sizing import decision
 from compact.analysis.stages.contacts import ContactStage, contact_stage
@@ -20,6 +17,7 @@ from compact.analysis.stages.resistance import ResistanceLaw
 from compact.api.fields import Fields
 from compact.drive import rank
 from compact.engines.column.engine import roll
+from compact.files import claimed_directory
 from compact.machine.ranking import CRITERIA
 from compact.material.state_update import StateUpdate
 from compact.motion.profile import MotionProfile
@@ -75,7 +73,7 @@ class Contacts(Tabular, Sequence[Contact]):
     def of(cls, scene: Scene, speeds: float | Sequence[float] | None, material: StateUpdate | None) -> Self:
         """Compute the contacts of a scene, see `Scene.roll`."""
         stage = contact_stage(scene)
-        given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
+        given = as_numbers("speeds", contact_cases.contact_speeds(scene) if speeds is None else speeds)
         if given.ndim > 1 or not given.size:
             raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
         records, passes = [], list[tuple[Contact, ...]]()
@@ -85,7 +83,7 @@ class Contacts(Tabular, Sequence[Contact]):
                 records.append(stage.record(speed, passes[-1]))
             else:
                 passes.append((roll_material(scene, material, speed),))
-                records.append(contact_record(stage.engine.name, speed, passes[-1]))
+                records.append(contact_cases.contact_record(stage.engine.name, speed, passes[-1]))
         return cls(tuple(records), tuple(passes), stage, scene.title)
 
     def __getitem__(self, index: Any) -> Any:
@@ -270,7 +268,7 @@ class Ranking(Tabular, Sequence[Place]):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LaboratoryTests(Tabular, Sequence[MaterialTest]):
+class LaboratoryTests(Tabular, Sequence[material_tests.MaterialTest]):
     """Laboratory tests, a sequence of `MaterialTest`; the table has the points of all paths, compression positive.
 
     Parameters
@@ -281,13 +279,13 @@ class LaboratoryTests(Tabular, Sequence[MaterialTest]):
         Name of the material.
     """
 
-    programme: LaboratoryProgramme
+    programme: material_tests.LaboratoryProgramme
     name: str
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """Return the tests of the mix of a scene, see `Scene.laboratory_tests`."""
-        return cls(programme_of(scene), f"the mix, law {scene.mix.law}")
+        return cls(material_tests.programme_of(scene), f"the mix, law {scene.mix.law}")
 
     def __getitem__(self, index: Any) -> Any:
         return self.programme.tests[index]
@@ -338,7 +336,7 @@ def laboratory_tests(material: StateUpdate, pressure: float) -> LaboratoryTests:
         If the material is no `StateUpdate`.
     """
     require_instance(StateUpdate, "a StateUpdate", material=material)
-    return LaboratoryTests(LaboratoryProgramme(material, None, pressure), material.name)
+    return LaboratoryTests(material_tests.LaboratoryProgramme(material, None, pressure), material.name)
 
 
 def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
@@ -367,10 +365,10 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     if scene.accuracy.engine != "column" or scene.layer.passes != 1:
         engine, passes = scene.accuracy.engine, scene.layer.passes
         raise ValueError(f"an own material needs the engine column and one pass, got {engine} and {passes}")
-    if has_air(scene):
+    if pore_air.has_air(scene):
         raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
     scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
-    layer, roller, _ = contact_inputs(scene, scene_mix(scene), "column", speed)
+    layer, roller, _ = contact_cases.contact_inputs(scene, contact_cases.scene_mix(scene), "column", speed)
     options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
     if not scene.target:
         ratio = scene.mix.density_ratio
@@ -543,7 +541,6 @@ class Process(Tabular, process.ProcessStudy):
         list of Path
             Files written.
         """
-        from compact.files import claimed_directory
         from compact.report.process import write_process
 
         with claimed_directory(directory, self.scene.owner, force) as place:

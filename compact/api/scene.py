@@ -14,22 +14,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
+from compact.files import default_directory
+from compact.numerics.validation import require_instance
+from compact.report.progress import Progress, spinning
 from compact.scene import loader
 
 if TYPE_CHECKING:
     import xarray
 
     from compact.analysis.stages.resistance import ResistanceLaw
-    from compact.api.results import (
-        CartResistance,
-        Contacts,
-        Decision,
-        LaboratoryTests,
-        OwnLaw,
-        Process,
-        Ranking,
-        Study,
-    )
+    from compact.api import results
     from compact.material.state_update import StateUpdate
 
 
@@ -45,7 +39,7 @@ class Scene(loader.Scene):
         *,
         engine: str | None = None,
         material: "StateUpdate | None" = None,
-    ) -> "Contacts":
+    ) -> "results.Contacts":
         """Compute the contact of one roller at some speeds.
 
         Parameters
@@ -69,12 +63,11 @@ class Scene(loader.Scene):
             If a contact does not converge.
         """
         from compact.api.results import Contacts
-        from compact.report.progress import spinning
 
         with spinning("contacts"):
             return Contacts.of(self._by(engine), speeds, material)
 
-    def resistance(self, *, engine: str | None = None) -> "CartResistance":
+    def resistance(self, *, engine: str | None = None) -> "results.CartResistance":
         """Compute the resistance of the mix to one cart over the speeds of the motion laws.
 
         Parameters
@@ -88,7 +81,6 @@ class Scene(loader.Scene):
             A function of velocity [m/s] and acceleration [m/s2].
         """
         from compact.api.results import CartResistance
-        from compact.report.progress import spinning
 
         with spinning("resistance"):
             return CartResistance.of(self._by(engine))
@@ -98,9 +90,9 @@ class Scene(loader.Scene):
         by: str | None = None,
         *,
         engine: str | None = None,
-        laws: "Mapping[str, OwnLaw] | None" = None,
+        laws: "Mapping[str, results.OwnLaw] | None" = None,
         resistance: "ResistanceLaw | None" = None,
-    ) -> "Ranking":
+    ) -> "results.Ranking":
         """Rank the motion laws by the demand on the drive of the scene.
 
         Parameters
@@ -122,12 +114,11 @@ class Scene(loader.Scene):
         Ranking
         """
         from compact.api.results import Ranking
-        from compact.report.progress import spinning
 
         with spinning("drives"):
             return Ranking.of(self._by(engine), self.drive.rank_by[0] if by is None else by, laws or {}, resistance)
 
-    def decide(self, *, engine: str | None = None) -> "Decision":
+    def decide(self, *, engine: str | None = None) -> "results.Decision":
         """Decide for one law, with the sizes of its machine, their ranges and margins, and one alternative.
 
         Parameters
@@ -145,7 +136,6 @@ class Scene(loader.Scene):
             If no law has finite peaks by every model.
         """
         from compact.api.results import Decision
-        from compact.report.progress import Progress
 
         with Progress() as line:
             return Decision.of(self._by(engine), line)
@@ -184,8 +174,6 @@ class Scene(loader.Scene):
             Results over the varied keys, with units; `reason` says why a point has none.
         """
         from compact.analysis.worker_pool import choose_executor
-        from compact.numerics.validation import require_instance
-        from compact.report.progress import Progress
         from compact.sweep.corrected import create_sweep
         from compact.sweep.design import Axis, read_design
 
@@ -198,12 +186,10 @@ class Scene(loader.Scene):
         with TemporaryDirectory() as temporary, Progress(total=many.steps) as line:
             line.begin("points")
             place, executor = temporary if out is None else out, choose_executor(workers)
-            found = many.run(
-                place, executor=executor, resume=out is not None, step=lambda parts, _: line.advance(parts)
-            )
-            return found.load()
+            resumed: dict[str, Any] = {"executor": executor, "resume": out is not None}
+            return many.run(place, **resumed, step=lambda parts, _: line.advance(parts)).load()
 
-    def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "Process":
+    def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "results.Process":
         """Compute the forming process of the table [process].
 
         Parameters
@@ -220,7 +206,7 @@ class Scene(loader.Scene):
 
         return Process(self, detail)
 
-    def laboratory_tests(self) -> "LaboratoryTests":
+    def laboratory_tests(self) -> "results.LaboratoryTests":
         """Apply the laboratory tests to the mix, as `compact material` does.
 
         Returns
@@ -231,7 +217,7 @@ class Scene(loader.Scene):
 
         return LaboratoryTests.of(self)
 
-    def study(self, *, engine: str | None = None) -> "Study":
+    def study(self, *, engine: str | None = None) -> "results.Study":
         """Return the whole study of the scene, whose results are computed when first used.
 
         Parameters
@@ -247,7 +233,7 @@ class Scene(loader.Scene):
 
         return Study(self._by(engine))
 
-    def run(self, out: str | Path | None = None, *, force: bool = False) -> "Study":
+    def run(self, out: str | Path | None = None, *, force: bool = False) -> "results.Study":
         """Compute the whole study and write report, tables and figures, as `compact run` does.
 
         Parameters
@@ -262,8 +248,6 @@ class Scene(loader.Scene):
         Study
         """
         from compact.api.results import Study
-        from compact.files import default_directory
-        from compact.report.progress import Progress
 
         directory = Path(out) if out is not None else default_directory(self.file, "", self.changed_values)
         with Progress() as line:

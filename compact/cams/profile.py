@@ -25,7 +25,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -191,9 +190,9 @@ class FlatFace:
 
 
 Follower = Pointed | RollerFollower | FlatFace
-FOLLOWERS: Mapping[str, Callable[[float], Follower]] = MappingProxyType(  # by name, of the radius of rollers [m]
-    {"pointed": lambda _: Pointed(), "roller": RollerFollower, "flat": lambda _: FlatFace()}
-)
+FOLLOWERS: Mapping[str, Callable[[float], Follower]] = {  # by name, of the radius of rollers [m]
+    "pointed": lambda _: Pointed(), "roller": RollerFollower, "flat": lambda _: FlatFace(),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

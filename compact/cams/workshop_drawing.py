@@ -10,19 +10,18 @@ can be neither searched nor read aloud; it loses the names of the layers; and it
 over 10^6, 2 um on a cam of 1 m, more than the tolerance of the profile. Its files are seven times as large.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compact.cams.machining import MICROMETRE, Cut, cut, largest_cutter
 from compact.cams.profile import Cam
-from compact.files import write_bytes, write_columns
+from compact.files import write_bytes, write_csv
 from compact.numerics import Array
 
 if TYPE_CHECKING:
@@ -39,24 +38,22 @@ CIRCLE_SAGITTA = 0.05  # [mm], of the chords of a circle in SVG
 LINE_TYPE_SCALE = 0.04  # [-], of the largest radius in mm: $LTSCALE of DXF
 BY_LAYER, NO_TRAILING_ZEROS = 256, 8  # codes of DXF: colour of the layer, DIMZIN
 # Sizes of a dimension over the height of its text [-]: text, arrow, extension lines and their offset, gap
-DIMENSION_SIZES = MappingProxyType({"dimtxt": 1.0, "dimasz": 0.9, "dimexe": 0.5, "dimexo": 0.4, "dimgap": 0.35})
+DIMENSION_SIZES = {"dimtxt": 1.0, "dimasz": 0.9, "dimexe": 0.5, "dimexo": 0.4, "dimgap": 0.35}
 # Style of all dimensions: colours of the layer, micrometres, text above the line
 DIMENSION_STYLE = dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER) | {
     "dimdec": 3, "dimdsep": ord("."), "dimzin": NO_TRAILING_ZEROS, "dimtad": 1,
 }  # fmt: skip
 # Layers: colour in SVG and in DXF (ACI), line width over the height of a letter [-], dashes and gaps in SVG over the
 # line width [-], line type in DXF
-LAYERS = MappingProxyType(
-    {
-        "PROFILE": ("#000000", 7, 0.19, (), "CONTINUOUS"),
-        "CUTTER": ("#b3261e", 1, 0.095, (8, 4), "DASHED"),
-        "FOLLOWER": ("#1f5fa8", 5, 0.095, (4, 3), "DASHED"),
-        "CENTRE": ("#6b6b6b", 8, 0.065, (12, 3, 2, 3), "CENTER"),
-        "BORE": ("#000000", 7, 0.13, (), "CONTINUOUS"),
-        "DIMENSIONS": ("#3a3a3a", 3, 0.065, (), "CONTINUOUS"),
-        "NOTES": ("#000000", 7, 0.065, (), "CONTINUOUS"),
-    }
-)
+LAYERS: Mapping[str, tuple[str, int, float, tuple[int, ...], str]] = {
+    "PROFILE": ("#000000", 7, 0.19, (), "CONTINUOUS"),
+    "CUTTER": ("#b3261e", 1, 0.095, (8, 4), "DASHED"),
+    "FOLLOWER": ("#1f5fa8", 5, 0.095, (4, 3), "DASHED"),
+    "CENTRE": ("#6b6b6b", 8, 0.065, (12, 3, 2, 3), "CENTER"),
+    "BORE": ("#000000", 7, 0.13, (), "CONTINUOUS"),
+    "DIMENSIONS": ("#3a3a3a", 3, 0.065, (), "CONTINUOUS"),
+    "NOTES": ("#000000", 7, 0.065, (), "CONTINUOUS"),
+}
 
 
 @dataclass(frozen=True)
@@ -240,6 +237,6 @@ def write_cam_files(
     }  # fmt: skip
     if outline.cutter_path is not None:
         columns["cutter_x_mm"], columns["cutter_y_mm"] = MM * outline.cutter_path.T
-    points = write_columns(Path(f"{stem}.csv"), tuple(columns), tuple(columns.values()))
+    points = write_csv(Path(f"{stem}.csv"), tuple(columns), np.column_stack([*columns.values()]).tolist())
     texts = {".svg": drawing.svg(), ".dxf": drawing.dxf()}
     return [points, *(write_bytes(Path(f"{stem}{ending}"), text.encode()) for ending, text in texts.items())]

@@ -14,13 +14,13 @@ unit of `functional_mockup`.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.analysis.study import Study
-from compact.files import write_columns
+from compact.files import write_csv
 from compact.machine.cart import Cart, balance
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -63,19 +63,18 @@ class CartModel:
         ValueError
             If the scene has end springs, whose force depends on the position.
         """
-        if study.stages.resistance.cart.end_springs is not None:
+        stages, scene = study.stages, study.scene
+        if stages.resistance.cart.end_springs is not None:
             raise ValueError(
                 "drive.end_springs: their force depends on the position, which F(v, a) does not contain; remove the "
                 "table and add the springs to the other model"
             )
-        peaks = [cycle.forward.peaks() for cycle in study.stages.laws.cycles.values()]
+        peaks = [cycle.forward.peaks() for cycle in stages.laws.cycles.values()]
         accelerations = [each.acceleration for each in peaks if np.isfinite(each.acceleration)]
-        speeds = [each.velocity for each in peaks]
-        fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.speeds else max(speeds)
-        largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
-        force: Any = study.stages.resistance.resistance
-        stroke = study.scene.motion.stroke
-        return cls(study.stages.resistance.cart, force, fastest, float(largest), study.scene.mean_speed, stroke)
+        fastest = stages.resistance.map.speeds[-1] if stages.contacts.speeds else max(each.velocity for each in peaks)
+        largest = max(accelerations, default=scene.mean_speed / scene.motion.duration)
+        force: Any = stages.resistance.resistance
+        return cls(stages.resistance.cart, force, float(fastest), float(largest), scene.mean_speed, scene.motion.stroke)
 
     def forces(self, velocity: ArrayLike, acceleration: ArrayLike) -> dict[str, Array]:
         """Compute resistance, guide friction and their sum [N] at velocities [m/s] and accelerations [m/s2]."""
@@ -85,8 +84,7 @@ class CartModel:
         return dict(zip(FORCES, (resistance, friction, resistance + friction), strict=True))
 
 
-@dataclass(frozen=True, eq=False)
-class ForceTable:
+class ForceTable(NamedTuple):
     """Forces on one cart over a grid.
 
     Parameters
@@ -158,4 +156,5 @@ def _interpolation_errors(model: CartModel, velocity: Array, acceleration: Array
 def write_force_csv(table: ForceTable, path: Path | str) -> Path:
     """Write one line for each node, acceleration fastest; return the path."""
     grids = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
-    return write_columns(Path(path), CSV_HEADER, [each.ravel() for each in (*grids, *table.forces.values())])
+    columns = [each.ravel() for each in (*grids, *table.forces.values())]
+    return write_csv(Path(path), CSV_HEADER, np.column_stack(columns).tolist())

@@ -90,8 +90,7 @@ def stress_angle(law: Any, end: float) -> tuple[Array, Array]:
     nodes = chebyshev.chebpts2(NODES)
     curve = length * (1 + nodes) / 2  # ln[(1 - k0)/(1 - k)], whose derivative by V is x
     x = np.exp(curve) / (1 - law.loose_density_ratio) - 1
-    unit = np.eye(NODES)
-    derivatives = np.array([chebyshev.chebval(nodes, chebyshev.chebder(each)) for each in unit]).T
+    derivatives = chebyshev.chebval(nodes, chebyshev.chebder(np.eye(NODES))).T
     by_volume = x[:, None] * (derivatives @ np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))) * 2 / length
     share, rigid = np.sqrt(1 + 4 * M**2 / 9), np.arctan(2 * M / 3)
     total = curve / law.heckel_slope + law.tensile_strength

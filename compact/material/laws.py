@@ -33,16 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.material.confined_compression import TERMS, elastic_polynomial
-from compact.numerics import Array
-from compact.numerics.validation import (
-    as_numbers,
-    require_between,
-    require_fields,
-    require_inside,
-    require_known,
-    require_number,
-    require_positive,
-)
+from compact.numerics import Array, validation
 
 MEASURED_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, Heckel's curve is extrapolated to the limit
 SATURATION_LIMIT = 0.998  # [-], prior of the density ratio at which the last air voids are closed
@@ -56,7 +47,7 @@ HeckelTest = Literal["isotropic", "confined"]
 
 def require_poisson(poisson: float) -> None:
     """Require a Poisson's ratio of compressible material."""
-    require_number(poisson=poisson)
+    validation.require_number(poisson=poisson)
     if not 0 <= poisson < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {poisson!r}")
 
@@ -77,7 +68,7 @@ class Elastic:
     poisson: float
 
     def __post_init__(self) -> None:
-        require_positive(youngs_modulus=self.youngs_modulus)
+        validation.require_positive(youngs_modulus=self.youngs_modulus)
         require_poisson(self.poisson)
 
     @property
@@ -112,11 +103,11 @@ class Viscoelastic(Elastic):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        shape = as_numbers("branches", self.branches).shape
+        shape = validation.as_numbers("branches", self.branches).shape
         if shape != (0,) and (len(shape) != 2 or shape[1] != 2):
             raise ValueError(f"`branches` must be pairs (stiffness share, relaxation time), got {self.branches!r}")
         for share, time in self.branches:
-            require_positive(stiffness_share=share, relaxation_time=time)
+            validation.require_positive(stiffness_share=share, relaxation_time=time)
 
     @property
     def instant_modulus(self) -> float:
@@ -213,12 +204,13 @@ class Compaction:
 
     def __post_init__(self) -> None:
         moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate saturation_modulus"
-        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
+        validation.require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
         require_poisson(self.poisson)
-        require_inside(self.loose_density_ratio, 1, saturation_limit=self.saturation_limit)
-        require_inside(self.loose_density_ratio, self.saturation_limit, fed_density_ratio=self.fed_density_ratio)
-        require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
-        require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
+        loose, limit = self.loose_density_ratio, self.saturation_limit
+        validation.require_inside(loose, 1, saturation_limit=limit)
+        validation.require_inside(loose, limit, fed_density_ratio=self.fed_density_ratio)
+        validation.require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
+        validation.require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
 
     @property
     def bulk_modulus(self) -> float:
@@ -344,10 +336,10 @@ class DruckerPragerCap(Compaction):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_fields(self, positive="friction_slope", nonnegative="shear_viscosity")
-        require_between(0, self.critical_slope, friction_slope=self.friction_slope)
-        require_between(0, self.friction_slope, dilatancy_slope=self.dilatancy_slope)
-        require_known("dry_side", self.dry_side, ("flat",))
+        validation.require_fields(self, positive="friction_slope", nonnegative="shear_viscosity")
+        validation.require_between(0, self.critical_slope, friction_slope=self.friction_slope)
+        validation.require_between(0, self.friction_slope, dilatancy_slope=self.dilatancy_slope)
+        validation.require_known("dry_side", self.dry_side, ("flat",))
 
 
 def matched_slopes(friction_angle: float, dilatancy_angle: float = 0.0) -> tuple[float, float]:
@@ -374,7 +366,7 @@ def matched_slopes(friction_angle: float, dilatancy_angle: float = 0.0) -> tuple
             f"`friction_angle` must lie between 0 and 90 degrees for a shear line, got {friction_angle!r}; mix without "
             'friction requires the law "ellipse" and its cohesion'
         )
-    require_between(0, friction_angle, dilatancy_angle=dilatancy_angle)
+    validation.require_between(0, friction_angle, dilatancy_angle=dilatancy_angle)
     s, t = np.sin(np.radians([friction_angle, dilatancy_angle]))
     N = 3 * t / np.sqrt(3 + t * t)
     return float(s / (np.sqrt((1 - N * N / 9) / 3) + N * s / 9)), float(N)
@@ -402,7 +394,7 @@ def cap_slope(earth_pressure_coefficient: float, pressure: float, tensile_streng
     >>> f"{cap_slope(0.4264, 200e3, 14281.0):.3f}"
     '1.786'
     """
-    require_positive(earth_pressure_coefficient=earth_pressure_coefficient, pressure=pressure)
+    validation.require_positive(earth_pressure_coefficient=earth_pressure_coefficient, pressure=pressure)
     shifted = (earth_pressure_coefficient * pressure + tensile_strength) / (pressure + tensile_strength)
     ratio = 3 * (1 - shifted) / (1 + 2 * shifted)
     return float(np.sqrt(ratio * ratio + 3 * ratio))
@@ -450,7 +442,7 @@ def drucker_prager_slopes(
     ValueError
         If no cap has the coefficient; the message names the bounds.
     """
-    require_positive(pressure=pressure)
+    validation.require_positive(pressure=pressure)
     M, N = matched_slopes(friction_angle, dilatancy_angle)
     strength = float(cohesion / np.tan(np.radians(friction_angle)))
     low, high = earth_pressure_bounds(M, pressure, strength)

@@ -28,14 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.material.laws import REFERENCE_RATE, SATURATION_LIMIT, require_poisson
-from compact.numerics import Array
-from compact.numerics.validation import (
-    require_between,
-    require_known,
-    require_nonnegative,
-    require_number,
-    require_positive,
-)
+from compact.numerics import Array, validation
 
 GRAIN_DENSITY = 2650.0  # [kg/m3], density of the solids
 WATER_DENSITY = 1000.0  # [kg/m3], density of water
@@ -146,7 +139,7 @@ class Mix:
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of a name; raise ValueError for an unknown name."""
-        require_known("mix parameter", name, PARAMETER_NAMES)
+        validation.require_known("mix parameter", name, PARAMETER_NAMES)
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
     def __getattr__(self, name: str) -> float:
@@ -252,12 +245,12 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
     overrides = dict(overrides or {})
     values = _table_values(moisture, density_ratio)
     for name, value in overrides.items():
-        require_known("mix parameter", name, PARAMETER_NAMES)
-        require_number(**{name: value})
+        validation.require_known("mix parameter", name, PARAMETER_NAMES)
+        validation.require_number(**{name: value})
         if name == "poisson":
             require_poisson(value)
         else:
-            (require_nonnegative if name in MAY_BE_ZERO else require_positive)(**{name: value})
+            (validation.require_nonnegative if name in MAY_BE_ZERO else validation.require_positive)(**{name: value})
     values |= overrides
     if "heckel_slope" not in overrides:
         values["heckel_slope"] *= 1 + values["rate_sensitivity"] * np.log1p(OPERATING_RATE / values["reference_rate"])
@@ -377,16 +370,16 @@ def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> Array:
     >>> f"{saturation(0.10, 0.98):.3f}"
     '0.911'
     """
-    require_positive(moisture=moisture)
+    validation.require_positive(moisture=moisture)
     _require_phases(moisture, density_ratio)
     water = np.asarray(moisture) / WATER_DENSITY
     return water / ((1 / GRAIN_DENSITY + water) / np.asarray(density_ratio) - 1 / GRAIN_DENSITY)
 
 
 def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
-    require_nonnegative(moisture=moisture)
-    require_positive(density_ratio=density_ratio)
-    require_between(0, 1, density_ratio=density_ratio)
+    validation.require_nonnegative(moisture=moisture)
+    validation.require_positive(density_ratio=density_ratio)
+    validation.require_between(0, 1, density_ratio=density_ratio)
 
 
 def _parameter(name: str, value: float, overridden: bool, published: bool) -> Parameter:
@@ -412,8 +405,8 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     as that of 1/K_H.
     """
     moistures, ratios, names, columns = _table()
-    require_between(moistures[0], moistures[-1], moisture=moisture)
-    require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
+    validation.require_between(moistures[0], moistures[-1], moisture=moisture)
+    validation.require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
     rows = _linear(-np.log1p(-ratios), columns, -np.log1p(-density_ratio))
     pressure = names.index("required_pressure")
     rows[pressure] = np.log(rows[pressure])

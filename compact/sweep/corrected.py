@@ -26,18 +26,16 @@ from math import ceil
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.distance import cdist
 
 from compact.analysis.stages.ensemble import Share, polynomial_terms
 from compact.engines import ENGINES
+from compact.numerics import Array, BoolArray
 from compact.quantities import SWEEP_CORRECTION
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.run import Evaluate, Results, Sweep, described, in_parts
-
-FloatArray = NDArray[np.float64]
 
 ALL = "all"
 ROUNDS = 3  # [-], of chosen points; the second refines the surface, and later ones replace points without a result
@@ -113,7 +111,7 @@ class CorrectedSweep(Sweep):
         self.steps = sum(min(self.direct, len(group)) for group in self.groups)
         self.notes: tuple[str, ...] = ()
 
-    def _places_and_groups(self) -> tuple[FloatArray, list[list[int]]]:
+    def _places_and_groups(self) -> tuple[Array, list[list[int]]]:
         """Return the coordinates of all points, 0 to 1 over the sweep [-], and the points with the same words."""
         changes = self.design.changes
         words, columns = [], [np.zeros((self.size, 0))]
@@ -269,7 +267,7 @@ class Correction:
 # choice of points
 
 
-def distances(places: FloatArray, others: FloatArray) -> FloatArray:
+def distances(places: Array, others: Array) -> Array:
     """Return the distances between places, rounded so that equal ones are equal [-], shape (places, others)."""
     return cdist(places, others).round(DECIMALS)
 
@@ -285,20 +283,18 @@ def default_count(parameters: int) -> int:
     return POINTS_PER_COEFFICIENT * (parameters + 1) * (parameters + 2) // 2
 
 
-def choose_points(
-    places: FloatArray, count: int, taken: Sequence[int] = (), weights: FloatArray | float = 1.0
-) -> list[int]:
+def choose_points(places: Array, count: int, taken: Sequence[int] = (), weights: Array | float = 1.0) -> list[int]:
     """Choose points that fill the space: from the first one on, always the point farthest from all chosen ones.
 
     Parameters
     ----------
-    places : FloatArray, shape (points, parameters)
+    places : Array, shape (points, parameters)
         Coordinates of the candidates and of the points taken [-].
     count : int
         Number of further points.
     taken : sequence of int
         Numbers of the points that are chosen already.
-    weights : FloatArray, shape (points,), optional
+    weights : Array, shape (points,), optional
         Factors of the distances, larger where more points are required [-].
 
     Returns
@@ -314,7 +310,7 @@ def choose_points(
     return chosen
 
 
-def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
+def connected_parts(places: Array, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
     """Divide points into connected parts, each in an order of neighbours.
 
     The points are bisected along their longest extent. A part begins next to its middle; each further point is the one
@@ -322,7 +318,7 @@ def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART
 
     Parameters
     ----------
-    places : FloatArray, shape (points, parameters)
+    places : Array, shape (points, parameters)
         Coordinates of all points [-].
     numbers : sequence of int
         Points to be divided.
@@ -352,34 +348,34 @@ class Surface(NamedTuple):
     ----------
     kind : str
         Name of the model.
-    residuals : FloatArray
+    residuals : Array
         Error at each point of the surface that is fitted to all others [-].
     model : callable
         Values [-], shape (points,), at coordinates of shape (points, parameters).
     """
 
     kind: str
-    residuals: FloatArray
-    model: Callable[[FloatArray], FloatArray]
+    residuals: Array
+    model: Callable[[Array], Array]
 
     @property
     def error(self) -> float:
         """Estimated error: COVERAGE times the rms of the leave-one-out errors [-]."""
         return COVERAGE * float(np.sqrt(np.mean(self.residuals**2)))
 
-    def __call__(self, places: FloatArray) -> FloatArray:
+    def __call__(self, places: Array) -> Array:
         """Return the values at coordinates [-], shape (points,)."""
         return self.model(places)
 
 
-def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
+def fit_surface(places: Array, values: Array) -> Surface | None:
     """Fit a thin-plate spline over the polynomial with the least leave-one-out error.
 
     Parameters
     ----------
-    places : FloatArray, shape (points, parameters)
+    places : Array, shape (points, parameters)
         Coordinates [-].
-    values : FloatArray, shape (points,)
+    values : Array, shape (points,)
         Values [-].
 
     Returns
@@ -401,12 +397,12 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
     return min(found, key=lambda surface: surface.error, default=None)
 
 
-def inside_hull(places: FloatArray, solved: FloatArray, convex: bool) -> NDArray[np.bool_]:
+def inside_hull(places: Array, solved: Array, convex: bool) -> BoolArray:
     """Return which places a surface through solved points interpolates.
 
     Parameters
     ----------
-    places, solved : FloatArray, shape (points, parameters)
+    places, solved : Array, shape (points, parameters)
         Coordinates [-].
     convex : bool
         True for the convex hull. False for the hull by leverage: the ellipsoid of the linear regression through the

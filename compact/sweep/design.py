@@ -19,11 +19,11 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.analysis.stages.ensemble import Change, Share
 from compact.engines import ENGINES
 from compact.material import mix
+from compact.numerics import Array
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError, read_value
 
@@ -112,7 +112,7 @@ class Design:
 
     Parameters
     ----------
-    shares : NDArray, shape (rows, names)
+    shares : Array, shape (rows, names)
         Shares of their spreads [-].
     parts : tuple of str
         Sobol matrix of each row: "A", "B", or the name of the parameter that is from B in a row that is else from A.
@@ -120,7 +120,7 @@ class Design:
 
     axes: tuple[Axis, ...]
     names: tuple[str, ...] = ()
-    shares: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    shares: Array = field(default_factory=lambda: np.empty((0, 0)))
     parts: tuple[str, ...] = ()
 
     @property
@@ -199,7 +199,7 @@ def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled
     return tuple(name for name in mix.PARAMETER_NAMES if name in names)
 
 
-def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[Array, tuple[str, ...]]:
     """Return shares and parts; A and B are the halves of one Sobol sequence of twice as many dimensions."""
     from scipy.stats import qmc
 

@@ -25,20 +25,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact import files, quantities
-from compact.analysis.contact_cases import Passes, contact_record
-from compact.analysis.failures import MAX_REASON, reason_of
-from compact.analysis.operating_window import limits_met, shared_lifts
-from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
+from compact.analysis import contact_cases, failures, operating_window, pore_air, worker_pool
 from compact.analysis.stages.ensemble import START, Change, Share, Step, Store, ensemble, open_store
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import Contact
-from compact.scene.constraints import adapt
-from compact.scene.loader import Scene
-from compact.scene.schema import declared_keys
+from compact.scene import constraints, loader, schema
 from compact.sweep.design import Axis, Sampled, design, varied_engines
 
 if TYPE_CHECKING:
@@ -60,7 +54,7 @@ Results = dict[str, Any]  # of a point by name
 Evaluate = Callable[..., dict[int, Results]]  # `ensemble` of the scene and run of a sweep
 
 
-def headline(rank: bool, scene: Scene, change: Change, lifts: Any = None) -> Results:
+def headline(rank: bool, scene: loader.Scene, change: Change, lifts: Any = None) -> Results:
     """Compute the results of one point, with errors and balance residuals; an error is also a result.
 
     Parameters
@@ -96,15 +90,16 @@ def headline(rank: bool, scene: Scene, change: Change, lifts: Any = None) -> Res
             found["not_reachable"] = contacts.mix.not_achievable
             numbers, contact = _computed(study, change.start)
             if contacts.process is not None:
-                numbers["limit"] = limits_met(contacts.process)
+                numbers["limit"] = operating_window.limits_met(contacts.process)
             numbers["power"] = numbers["resistance"] * scene.mean_speed
             for by, (best, *_) in study.stages.drive.rankings.items() if rank else ():
                 numbers |= {by: best.value, f"best_law_by_{by}": best.run.name}
             found |= {name: each if isinstance(each, str) else float(each) for name, each in numbers.items()}
         except Exception as error:  # a failed point does not stop a sweep
-            found["reason"] = reason_of(error)
-    found["replaced"] = "; ".join(filter(None, (*adapt(scene, scene.accuracy.engine)[1], scene.mix.fit_remark)))
-    found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:MAX_REASON]
+            found["reason"] = failures.reason_of(error)
+    replaced = *constraints.adapt(scene, scene.accuracy.engine)[1], scene.mix.fit_remark
+    found["replaced"] = "; ".join(filter(None, replaced))
+    found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[: failures.MAX_REASON]
     return found | {START: ENGINES[scene.accuracy.engine].as_start(contact)}
 
 
@@ -113,28 +108,29 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
 
     The contact starts from the initial guess if that converges, else from scratch.
     """
-    scene, mix, machine, speed = study.scene, study.stages.contacts.mix, study.scene.machine, study.scene.mean_speed
-    if not study.stages.contacts.speeds:
-        formulas = study.stages.contacts.engineering
+    contacts, scene, machine, speed = study.stages.contacts, study.scene, study.scene.machine, study.scene.mean_speed
+    if not contacts.speeds:
+        formulas = contacts.engineering
         return {name: getattr(formulas, name) for name in ("resistance_coefficient", *SHAPE)} | {
             "load": formulas.roller_force,
             "resistance": machine.rollers * formulas.roller_resistance,
             "peak_pressure": formulas.pressure,
         }, None
-    passes: Passes = ()
+    passes: contact_cases.Passes = ()
     if initial_guess is not None and scene.layer.passes == 1:
         with suppress(RuntimeError):
-            passes = study.stages.contacts.roll(speed, (initial_guess,))
-    passes = passes or study.stages.contacts.roll(speed)
+            passes = contacts.roll(speed, (initial_guess,))
+    passes = passes or contacts.roll(speed)
     first = passes[0]
-    if is_coupled(scene):
-        air: Any = coupled_contact(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed).changes
+    if pore_air.is_coupled(scene):
+        fed = pore_air.pore_air_of(contacts.mix, scene.layer.fed_density_ratio)
+        air: Any = pore_air.coupled_contact(first, fed, speed).changes
     else:
-        air = study.stages.contacts.air_forces_of(first, speed)
-    record = contact_record(scene.accuracy.engine, speed, passes, air)
+        air = contacts.air_forces_of(first, speed)
+    record = contact_cases.contact_record(scene.accuracy.engine, speed, passes, air)
     known = {name: getattr(record, name) for name in RECORDED} | {
         "load": machine.roller_length * record.load,
-        "resistance": machine.rollers * machine.roller_length * record.resistance + study.stages.contacts.sleeve_drag,
+        "resistance": machine.rollers * machine.roller_length * record.resistance + contacts.sleeve_drag,
         "resistance_coefficient": record.coefficient,
         "capture_angle": np.arcsin(first.leading / machine.roller_radius),
         "exit_density_ratio": passes[-1].exit_density_ratio,
@@ -159,7 +155,7 @@ class Sweep:
     """
 
     def __init__(
-        self, scene: Scene, varied: Sequence[Axis | Sampled], *, rank: bool = False, indices: bool = False
+        self, scene: loader.Scene, varied: Sequence[Axis | Sampled], *, rank: bool = False, indices: bool = False
     ) -> None:
         self.scene, self.rank = scene, rank
         self.design = design(scene, varied, indices)
@@ -171,7 +167,7 @@ class Sweep:
         self,
         directory: Path | str,
         *,
-        executor: Executor,
+        executor: worker_pool.Executor,
         resume: bool = False,
         force: bool = False,
         step: Step = lambda *_: None,
@@ -199,18 +195,15 @@ class Sweep:
             open_store(place / POINTS, base, resume, force) as self.store,
             executor,
         ):
-            run = partial(headline, self.rank, **self._shared())
+            run = partial(headline, self.rank)
+            if not self.design.names and all(ENGINES[engine].reads("process") for engine in self.engines):
+                lifts = operating_window.shared_lifts(self.scene, [axis.key for axis in self.design.axes])
+                run = partial(run, lifts=lifts)  # of an operating window, which its points share
             given: dict[str, Any] = {"run": run, "executor": executor, "store": self.store, "step": step}
             found = self._results(partial(ensemble, self.scene, **given))
             table = self._table([found[number] for number in range(self.size)])
             files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
         return table
-
-    def _shared(self) -> dict[str, Any]:
-        """Return the lumped lifts of an operating window; empty for another sweep."""
-        if not all(ENGINES[engine].reads("process") for engine in self.engines) or self.design.names:
-            return {}
-        return {"lifts": shared_lifts(self.scene, [axis.key for axis in self.design.axes])}
 
     def _results(self, evaluated: Evaluate) -> dict[int, Results]:
         """Return the results of all points by number; neighbours of an engine with continuation are a task."""
@@ -241,7 +234,8 @@ class Sweep:
             columns[name] = (dimensions, column, meaning)
         for name, axis in zip(names, axes, strict=True):
             plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in axis.values)
-            values, declared = np.array(axis.values, dtype=None if plain else object), declared_keys().get(axis.key)
+            values = np.array(axis.values, dtype=None if plain else object)
+            declared = schema.declared_keys().get(axis.key)
             meaning = (declared and declared.description) or axis.key
             columns[name] = (name, values, {"key": axis.key, "long_name": meaning})
         for name, shares in zip(sampled, self.design.shares.T, strict=True):

@@ -16,8 +16,9 @@ A. Saltelli et al., Variance based sensitivity analysis of model output, Comput.
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array, IntArray
 from compact.numerics.validation import require_finite
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> l
     if np.ptp(values[:2], axis=1).max() <= SPREAD_ROUNDING * abs(middle):
         return [Index(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, n)] * inputs
 
-    def estimate(rows: NDArray[np.int64] | slice) -> NDArray[np.float64]:
+    def estimate(rows: IntArray | slice) -> Array:
         """Return S and T, shape (2, inputs)."""
         f_A, f_B, *f_AB = values[:, rows]
         variance = np.var(np.concatenate([f_A, f_B]))

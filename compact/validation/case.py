@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
 from pkgutil import resolve_name
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,8 +97,7 @@ class Comparison:
         return not abs(self.ours - self.recorded) <= self.repeat * max(abs(self.recorded), abs(self.theirs))
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(NamedTuple):
     """Line of computed values, or points of other authors, in a figure; arrays of shape (n,)."""
 
     label: str
@@ -107,8 +106,7 @@ class Curve:
     is_ours: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
+class Panel(NamedTuple):
     """Diagram of a figure; labels of the axes with units."""
 
     x_label: str
