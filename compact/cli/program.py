@@ -305,8 +305,8 @@ def cam(
     study = Study(given)
     made, bore = study.stages.laws.cam(law, follower), given.cam.bore if given.cam else None
     written = cam_files.write_cam_files(job.place(scene, given, "cams"), made, cutter, tolerance, bore)
-    files = "\n".join(f"  {path}" for path in written)
-    job.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
+    told = text.lines("cam", law, type(made.follower).__name__, made, made.least_breadth())
+    job.show(lambda: "\n".join([*told, *(f"  {path}" for path in written)]), files=written)
 
 
 @app.command

@@ -20,7 +20,6 @@ from compact.analysis.sizing.decision import measurements
 from compact.analysis.stages import robust_range, uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
-from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
@@ -226,8 +225,3 @@ def contact_digest(study: Study, speed: float, passes: Sequence[Contact]) -> str
     found = [*lines("contact", study, speed, passes[0]), *sentences("held", study)]
     found += [*study.scene.replacements[study.scene.accuracy.engine], *sentences("contact_air", *band)]
     return "\n".join([*found, *lines("passes", passes)])
-
-
-def cam_digest(law: str, cam: Cam) -> str:
-    """Summarise the dimensions of one cam."""
-    return "\n".join(lines("cam", law, type(cam.follower).__name__, cam, cam.least_breadth()))

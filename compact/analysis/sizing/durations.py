@@ -141,7 +141,6 @@ def require_durations(scene: Scene, durations: Sequence[float]) -> None:
         words = f'drive.kind = "{scene.drive.kind}" determines the duration of a pass itself'
         raise ValueError(f"{words}; give --over another drive, such as --set drive.kind=rigid, or vary its gear ratio")
     for duration in durations:
-        scene.require_fields(**{"motion.duration": duration})
         scene.replaced(**{"motion.duration": duration})
 
 
