@@ -13,14 +13,12 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 """
 
 import warnings
-from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compact import rolling_contact
 from compact.engines.halfplane import LineContact, pressure_exponent
-from compact.engines.interface import NO_AIR, ONE_MODULUS, RECOVERS, RIGID_BASE, Case, Engine, Limit
+from compact.engines.interface import NO_AIR, ONE_MODULUS, RECOVERS, RIGID_BASE, Case, Engine, Limit, Turning, shares_of
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
@@ -31,9 +29,6 @@ from compact.numerics.validation import (
     require_that,
 )
 from compact.rolling_contact import Contact, Layer, Roller
-
-if TYPE_CHECKING:
-    from compact.engines.interface import Turning
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -353,12 +348,9 @@ class FormulaEngine(Engine):
         """Evaluate the formulas."""
         return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that grows into fresh mix as its own imprint, of the exponent of (1.4)."""
-        from compact.turning import imprint_load_share, imprint_share
-
-        shape = contact.leading, contact.own["exponent"]
-        return partial(imprint_share, *shape), partial(imprint_load_share, *shape)
+        return shares_of("imprint", contact.leading, contact.own["exponent"])
 
 
 FORMULA = FormulaEngine()

@@ -12,6 +12,7 @@ A scene then accepts `accuracy.engine = "winkler"`.
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -31,9 +32,8 @@ if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
     from compact.turning import Share
 
-    # share of the force and of the load over the travel since a turn, each of the distance D to fresh mix [m]
-    Turning = tuple[Callable[[float], Share], Callable[[float], Share]]
-
+# share of the force and of the load over the travel since a turn, each of the distance D to fresh mix [m]
+Turning = tuple[Callable[[float], "Share"], Callable[[float], "Share"]]
 Takes = Literal["half-plane", "linear layer", "compacting layer", "process"]
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
 AFFORDABLE = 0.1  # [s], processor time of a contact of which hundreds may be computed, as a sensitivity needs
@@ -53,6 +53,14 @@ OWN_KEYS: dict[str, tuple[str, ...]] = {  # kind of the cases -> keys and tables
 }
 _OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
 _OF_AIR = ("air_permeability", "occlusion_saturation")
+
+
+def shares_of(kind: str, *shape: float, **film: float | None) -> Turning:
+    """Return the shares of force and load of a contact, a "wave" or an "imprint" of a shape, see `compact.turning`."""
+    from compact import turning
+
+    force, load = getattr(turning, f"{kind}_share"), getattr(turning, f"{kind}_load_share")
+    return partial(force, *shape, **film), partial(load, *shape, **film)
 
 
 @dataclass(frozen=True)
@@ -313,7 +321,7 @@ class Engine:
         """Expand the resistance to first order in the acceleration; None where the mix has no memory in time."""
         return None
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning | None:
         """Return the shares of force and load after a turn of the cart; None where their transient is unknown: a step.
 
         Parameters

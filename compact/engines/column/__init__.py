@@ -1,14 +1,10 @@
 """Confined-compression (oedometric) columns under a rolling cylinder, and the engine "column"."""
 
 import math
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compact.engines.interface import ONE_MIX, PLASTIC, Case, Engine, Limit
+from compact.engines.interface import ONE_MIX, PLASTIC, Case, Engine, Limit, Turning, shares_of
 from compact.rolling_contact import Contact
-
-if TYPE_CHECKING:
-    from compact.engines.interface import Turning
 
 LARGEST_RATIO = 2.0  # [-], height of a layer over the contact length up to which columns are valid
 
@@ -46,17 +42,15 @@ class ColumnEngine(Engine):
             return roll(case.layer, case.roller, case.material, case.speed, **options)
         return roll_over(state.layer, case.roller, case.material, case.speed, lower=state.lower, **options)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that grows into fresh mix as its own imprint.
 
         The exponent n of the pressure over the depth is that of the force: F = p0 depth/(n + 1).
         """
-        from compact.turning import imprint_load_share, imprint_share
-
         depth = contact.indentation
         force = abs(contact.resistance - (contact.air_resistance or 0.0))
-        shape = math.sqrt(2 * radius * depth), max(contact.peak_pressure * depth / force - 1, 0.0)
-        return partial(imprint_share, *shape), partial(imprint_load_share, *shape)
+        exponent = max(contact.peak_pressure * depth / force - 1, 0.0)
+        return shares_of("imprint", math.sqrt(2 * radius * depth), exponent)
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse high layers: columns have no bow wave."""

@@ -1,16 +1,11 @@
 """Irreversible compaction of the layer under a rolling cylinder by plane-strain finite elements: "compaction"."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compact.engines.interface import ONE_MIX, PLASTIC, Case, RateEngine
+from compact.engines.interface import ONE_MIX, PLASTIC, Case, RateEngine, Turning, shares_of
 from compact.rolling_contact import Contact
-
-if TYPE_CHECKING:
-    from compact.engines.interface import Turning
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
 
@@ -71,12 +66,10 @@ class CompactionEngine(RateEngine):
         """Return the contact."""
         return contact
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that climbs onto fresh mix and builds up its bow wave."""
-        from compact.turning import wave_load_share, wave_share
-
-        shape = math.sqrt(2 * radius * contact.indentation), contact.indentation, contact.bow_wave
-        return partial(wave_share, *shape, thickness=film), partial(wave_load_share, *shape, thickness=film)
+        depth = contact.indentation
+        return shares_of("wave", math.sqrt(2 * radius * depth), depth, contact.bow_wave, thickness=film)
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return the largest difference of peaks behind a spring by the shares and by the own history."""
@@ -110,9 +103,7 @@ class CompactionEngine(RateEngine):
     @staticmethod
     def _options(case: Case) -> dict[str, Any]:
         """Return the keywords of `engine.roll`."""
-        progress: Callable[[str], None] | None = case.progress
-        given = {"torque": case.torque, "progress": progress, "exit_density_ratio": case.exit_density_ratio}
-        options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        options: dict[str, Any] = {name: getattr(case, name) for name in ("torque", "progress", "exit_density_ratio")}
         return options | ({"max_contact_angle": None} if case.unlimited else {}) | dict(case.numerics)
 
 

@@ -1,15 +1,11 @@
 """Forming process: strokes of one roller over a moving mould, fed before every stroke; the engine "process"."""
 
 import math
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from compact.engines.compaction import MAKE_UP_PEAK_ERROR
-from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine
+from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine, Turning, shares_of
 from compact.rolling_contact import Contact
-
-if TYPE_CHECKING:
-    from compact.engines.interface import Turning
 
 
 class ProcessEngine(RateEngine):
@@ -38,15 +34,10 @@ class ProcessEngine(RateEngine):
         """Compute the means over the strokes under a roller at a speed of the cart."""
         return case.process.row_at(abs(case.speed)).contact(case.speed)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning | None:
         """Return the shares of a roller that climbs from its own track onto the make-up, a film, without a wave."""
-        from compact.turning import wave_load_share, wave_share
-
         depth = contact.indentation
-        shape = math.sqrt(2 * radius * depth), depth, 0.0
-        if not depth:
-            return None
-        return partial(wave_share, *shape, thickness=depth), partial(wave_load_share, *shape, thickness=depth)
+        return shares_of("wave", math.sqrt(2 * radius * depth), depth, 0.0, thickness=depth) if depth else None
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return that of a thin make-up on a dense lift."""
