@@ -59,6 +59,15 @@ class MaterialPoint:
     max_density_ratio: Array
     plastic_work: Array
 
+    @property
+    def pressure(self) -> Array:
+        """Mean pressure [Pa], shape (n,)."""
+        return np.asarray(-self.stress[:, :3].mean(axis=1))
+
+    def density_under_load(self, law: Compaction) -> Array:
+        """Return the density ratio with the elastic compression, k exp(p/K) [-], shape (n,)."""
+        return np.asarray(self.density_ratio * np.exp(self.pressure / law.bulk_modulus))
+
     def map(self, function: Callable[..., Array], *others: "MaterialPoint") -> "MaterialPoint":
         """Return the points whose fields are a function of the fields of these points and of others."""
         return MaterialPoint(*(function(*(getattr(each, name) for each in (self, *others))) for name in FIELDS))

@@ -42,16 +42,14 @@ class CompactionEngine(RateEngine):
         roller, target = case.roller, case.exit_density_ratio
         before = case.material.fed_density_ratio if state is None else state.density_ratio
         if target is not None and target > before:  # initial guess, for a layer without elastic recovery
-            roller = replace(
-                roller, indentation=case.layer.height * (1 - before / target), load=None, peak_pressure=None
-            )
+            depth = case.layer.height * (1 - before / target)
+            roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
         return roll(case.layer, roller, case.material, case.speed, fed_layer=state, **self._options(case))
 
     def target(self, case: Case) -> tuple[str, float]:
         """Return the density behind the roller where it is prescribed: the depth follows from it."""
-        if case.exit_density_ratio is None:
-            return case.roller.target
-        return "exit_density_ratio", case.exit_density_ratio
+        density = case.exit_density_ratio
+        return case.roller.target if density is None else ("exit_density_ratio", density)
 
     def equal(self, case: Case, known: Any) -> bool:
         """Return True for mix without rate sensitivity, if nothing but the speed differs."""
@@ -89,11 +87,9 @@ class CompactionEngine(RateEngine):
     @staticmethod
     def _continues(case: Case, start: Any) -> bool:
         """Return True for a contact in the same direction on the same base."""
-        return (
-            start is not None
-            and start.speed * case.speed > 0
-            and replace(start.layer, height=case.layer.height) == case.layer
-        )
+        if start is None or not start.speed * case.speed > 0:
+            return False
+        return bool(replace(start.layer, height=case.layer.height) == case.layer)
 
     @staticmethod
     def _same_height(case: Case, start: Any) -> bool:

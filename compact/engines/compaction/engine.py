@@ -26,35 +26,23 @@ bow wave may grow without a steady state; then `HeapingError` is raised, for mos
 """
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, TARGET_TOLERANCE, DepthTarget
+from compact import rolling_contact
+from compact.engines.compaction import COMPACTION
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.heaping import require_no_heaping
 from compact.engines.compaction.layer_state import LayerState
 from compact.engines.compaction.rolling import PARTS, IncrementalRolling
-from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
+from compact.engines.compaction.rolling_case import TARGET_TOLERANCE, DepthTarget, RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import ErrorParts, Relaxation
 from compact.material import cap_plasticity
 from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction, DruckerPragerCap
-from compact.numerics.validation import require_known
-from compact.rolling_contact import (
-    HEIGHT_TOLERANCE,
-    MIN_RESISTANCE_RATIO,
-    Contact,
-    HeapingError,
-    Layer,
-    Roller,
-    RollerCondition,
-    for_travel,
-    require_moving,
-    require_on_target,
-    require_torque_allowed,
-)
+from compact.rolling_contact import Contact, HeapingError, Layer, Roller, resistance_scale
 
 if TYPE_CHECKING:
     import meshio
@@ -66,9 +54,9 @@ RATIO = 2  # [-], of the elements of successive meshes, and of the parts of a st
 CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction; see docs/theory/compaction.md
 TYPICAL_CHANGE = 0.1  # [-], of the forces over the length of an increment in contact lengths, least measured one
 TYPICAL_REFINEMENT = 0.1  # [-], of the forces over the squared length of an element, median of random lifts
-COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
+COARSE_LEEWAY = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
+MAX_ELONGATED_SHARE = 0.7  # [-], largest depth over the layer height on a frictionless base
 NEIGHBOUR_DEPTH = 1.03  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
-MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,27 +118,27 @@ def build_result(
         raise RuntimeError(
             f"the contact reaches the end of the mesh, from {edges[0]:.3g} to {edges[1]:.3g} m; reduce the depth"
         )
-    utilisation = solution.surface.friction_utilisation(solution.contact)
-    if utilisation >= 1:  # the creepage of a skidding roller is undetermined
-        raise RuntimeError(
-            f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
-        )
-
+    solution.surface.require_grip(solution.contact)
     last = solution.steps[-1]
     # the edges lie half-way to the first node without contact
     trailing, leading = positions[first - 1 : first + 1, 0].mean(), positions[end - 1 : end + 1, 0].mean()
     x = np.concatenate([[trailing], positions[first:end, 0], [leading]])
-    pressure, shear = (np.pad(each[first:end], 1) for each in (solution.surface_pressure, solution.surface_shear))
+    nodal = solution.contact.pressure, solution.contact.shear
+    pressure, shear = (np.pad(solution.surface_traction(each)[first:end], 1) for each in nodal)
     exit_state, length_ratio = frame.exit_layer(solution.state)
     solid, lower = frame.solid.material, exit_state.lower
     given = frame.inflow or frame.fed_layer
-    lifts = ((exit_state, given), (lower, given.lower))
+    lost = [
+        abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
+        for after, before in ((exit_state, given), (lower, given.lower))
+        if after is not None and before is not None
+    ]
     # one more step without strain corrects the stresses beyond the yield surface
     still = np.zeros((len(points.stress), 3))
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
     yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
     wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
-    loaded = frame.density_under_load(solution.state)
+    loaded = points.density_under_load(solid)
     result = CompactionContactResult(
         load=last.load,
         resistance=last.resistance,
@@ -174,14 +162,7 @@ def build_result(
         density_reset=frame.density_reset(solution.state),
         lower_height=None if lower is None else lower.height,
         lower_density_ratio=None if lower is None else lower.density_ratio,
-        mass_residual=max(
-            float(np.abs(frame.mass_residuals(solution.state)).max()),
-            *(
-                abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
-                for after, before in lifts
-                if after is not None and before is not None
-            ),
-        ),
+        mass_residual=max(float(np.abs(frame.mass_residuals(solution.state)).max()), *lost),
         equilibrium_residual=last.residual,
         yield_residual=float((np.abs(rest.stress - points.stress).max(axis=1) / yield_pressure).max()),
         overdense_work=_overdense_work(solution),
@@ -193,7 +174,7 @@ def build_result(
         effort=f"force residual {last.residual:.1e}; {len(solution.steps)} steps on the last mesh; bow wave "
         f"{wave * 1e3:.2f} mm",
     )
-    return for_travel(result, speed)
+    return rolling_contact.for_travel(result, speed)
 
 
 def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
@@ -213,7 +194,7 @@ def work_residual(solution: IncrementalRolling) -> float:
     """
     frame, last = solution.frame, solution.steps[-1]
     deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
-    scale = max(abs(last.resistance), MIN_RESISTANCE * last.load)
+    scale = resistance_scale(last.resistance, last.load)
     return float(abs(last.resistance - deformation - last.slip_resistance) / scale)
 
 
@@ -290,32 +271,25 @@ def roll(
         If no equilibrium is found or the motion does not become steady; the message contains the last step.
     """
     numerics = RollingNumerics(**options)
-    require_compactable(layer, roller, material, speed, fed_layer, exit_density_ratio)
-    require_torque_allowed(roller, torque)
+    require_compactable(layer, roller, material, speed, fed_layer)
+    rolling_contact.require_torque_allowed(roller, torque)
     case = RollingCase(layer, roller, material, speed, torque, fed_layer, numerics)
-    target = DepthTarget(layer, roller, material, exit_density_ratio, fed_layer, case.lower)
+    target = DepthTarget(case, exit_density_ratio)
     announce_compilation(numerics.progress)
     if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
-        require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
+        require_no_heaping(case.heaping, target)
     with threadpool_limits(1):
-        if start is not None and _is_neighbour(case, target, start):
-            depth = target.depth_from(getattr(start, target.quantity), start.indentation)
-            stretched = case.stretched(start.solution, depth)
-            search = _create_search(case, target, stretched, depth)
-            ratio = depth / start.solution.depth
-            search.relaxation, search.known_factor = start.relaxation.at_depth(ratio), start.load_factor
+        search = None if start is None else _neighbour(case, target, start)
+        if start is not None and search is not None:
             search.run()
-            return _to_result(case, search, start.error_parts.mesh)
-        searches: list[SteadySearch] = []
-        for elements, parts in refinements(case.numerics.increments):
-            depth = searches[-1].depth if searches else target.initial_depth()
+            return _to_result(search, start.error_parts.mesh)
+        for elements, parts in refinements(numerics.increments):
+            depth = target.initial_depth() if search is None else search.depth
             rolling = case.roller_at_rest(case.create_frame(depth, elements), parts)
-            search = _create_search(case, target, rolling, depth, is_last=parts == PARTS)
-            if searches:
-                search.start_from(searches[-1])
+            search = SteadySearch(case, target, rolling, depth, 1.0 if parts == PARTS else COARSE_LEEWAY, search)
             search.run()
-            searches.append(search)
-        return _to_result(case, searches[-1])
+        assert search is not None  # there is a refinement
+        return _to_result(search)
 
 
 def refinements(elements: int) -> list[tuple[int, int]]:
@@ -347,7 +321,7 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     if halves is None:
         return None
     load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
-    scales = np.array([load, max(abs(resistance), MIN_RESISTANCE_RATIO * load)])
+    scales = np.array([load, resistance_scale(resistance, load)])
     corrections = (fine.values - halves.values_at(fine.depth))[:2] / (fine.increments / halves.increments - 1)
     by_increments = np.maximum(np.abs(corrections) / scales, TYPICAL_CHANGE / fine.increments)
     if fine.load_factor != 1:
@@ -355,46 +329,28 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     by_elements = np.full(2, TYPICAL_REFINEMENT / fine.elements**2)
     coarser = halves.coarse
     if coarser is not None and round(coarser.elements) < round(halves.elements):
-        changes = (halves.values - coarser.values_at(halves.depth))[:2] / (
-            (halves.elements / coarser.elements) ** 2 - 1
-        )
+        order = (halves.elements / coarser.elements) ** 2 - 1
+        changes = (halves.values - coarser.values_at(halves.depth))[:2] / order
         by_elements = np.maximum(np.abs(changes) / scales, by_elements)
     load_error, resistance_error = np.hypot(by_increments, by_elements).tolist()
     return load_error, resistance_error
 
 
-def _create_search(
-    case: RollingCase,
-    target: DepthTarget,
-    rolling: IncrementalRolling,
-    depth: float,
-    is_last: bool = True,
-) -> SteadySearch:
-    """Return the search on a mesh."""
-    share, elements = 1.0 if is_last else COARSE_TARGET_TOLERANCE, rolling.frame.contact_length / rolling.frame.step
-    return SteadySearch(
-        case,
-        target,
-        rolling,
-        depth,
-        tolerance=case.numerics.steady_tolerance,
-        target_tolerance=share * target.tolerance(elements),
-    )
-
-
-def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:
-    """Return whether a result is near enough to start from; raise if its layer is another one."""
-    frame = start.solution.frame
+def _neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> SteadySearch | None:
+    """Return the search from a result, or None if its depth is not near enough; raise if its layer is another one."""
+    old, frame = start.solution, start.solution.frame
     same_base = (case.layer.base == "slip") == frame.has_frictionless_base
     if case.fed_layer is not frame.inflow or not same_base or case.layer.lower_lift != start.layer.lower_lift:
         raise ValueError("`start` must have the same `base`, `lower_lift` and `fed_layer`, got a result of others")
-    ratio = target.depth_from(getattr(start, target.quantity), start.indentation) / start.indentation
-    return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
+    depth = target.depth_from(getattr(start, target.quantity), start.indentation)
+    ratio = depth / start.indentation
+    if max(ratio, 1 / ratio) > NEIGHBOUR_DEPTH:
+        return None
+    relaxation, stretched = start.relaxation.at_depth(depth / old.depth), case.stretched(old, depth)
+    return SteadySearch(case, target, stretched, depth, relaxation=relaxation, known_factor=start.load_factor)
 
 
-def _to_result(
-    case: RollingCase, search: SteadySearch, known_mesh: tuple[float, float] | None = None
-) -> CompactionContactResult:
+def _to_result(search: SteadySearch, known_mesh: tuple[float, float] | None = None) -> CompactionContactResult:
     """Evaluate a steady solution and require what is prescribed; a neighbour has the known error of the mesh.
 
     Raises
@@ -403,7 +359,7 @@ def _to_result(
         If the search has not decided whether the motion becomes steady.
     """
     search.require_steady()
-    solution, target = search.rolling, search.target
+    case, solution, target = search.case, search.rolling, search.target
     rolled = build_result(solution, case.layer, case.roller, case.material, case.speed)
     rolled = replace(rolled, load=rolled.load * search.load_factor, load_factor=search.load_factor)
     surface, torques, tolerance = solution.surface, None, TARGET_TOLERANCE
@@ -412,7 +368,7 @@ def _to_result(
     density = target.value if target.quantity == "exit_density_ratio" else None
     if density is not None and not solution.frame.solid.finite:
         tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
-    require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    rolling_contact.require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
     mesh = known_mesh or mesh_errors(search)
     if mesh is not None:  # the work balance is another estimate of the resistance
         mesh = mesh[0], max(mesh[1], rolled.work_residual or 0.0)
@@ -421,18 +377,13 @@ def _to_result(
 
 
 def require_compactable(
-    layer: Layer,
-    roller: Roller,
-    material: Compaction,
-    speed: float,
-    fed_layer: LayerState | None = None,
-    exit_density_ratio: float | None = None,
+    layer: Layer, roller: Roller, material: Compaction, speed: float, fed_layer: LayerState | None = None
 ) -> None:
     """Require a case that the engine can compute.
 
     Parameters
     ----------
-    layer, roller, material, speed, fed_layer, exit_density_ratio
+    layer, roller, material, speed, fed_layer
         As of `roll`.
 
     Raises
@@ -440,23 +391,16 @@ def require_compactable(
     ValueError
         With the argument that is out of its range.
     """
-    require_moving(speed)
     if not isinstance(material, Compaction):
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`")
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
-    if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:
+    COMPACTION.require(layer, roller, speed)
+    if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > rolling_contact.HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed_layer`, {fed_layer.height!r} m, got {layer.height!r} m")
     if fed_layer is not None and layer.lower_lift is not None and fed_layer.lower is None:
         raise ValueError("`fed_layer` on a `lower_lift` must have a state `lower` of it, got None")
     fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
-    if exit_density_ratio is not None and not fed_ratio < exit_density_ratio < 1:
-        raise ValueError(
-            f"`exit_density_ratio` must lie between that of the fed mix {fed_ratio:.6g} and 1, got "
-            f"{exit_density_ratio!r}"
-        )
     depth, height = roller.indentation, layer.height
     lower = layer.lower_lift if fed_layer is None else fed_layer.lower  # the depth includes its settlement
     slips, filled = (

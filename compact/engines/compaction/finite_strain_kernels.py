@@ -16,14 +16,13 @@ ratio and the largest density ratio. All derivatives are exact, except at the on
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.material.cap_plasticity import integrate_path
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled, inlined, internal, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 
-Array = NDArray[np.float64]
 Gradient = tuple[float, float, float, float]
 Values = tuple[float, float, float, float, float, float]
 
@@ -220,13 +219,7 @@ def stress_derivatives(
 
 @compiled
 def integrate_elements(
-    law: tuple,
-    mesh: tuple,
-    displacements: tuple,
-    before: tuple,
-    after: tuple,
-    guesses: tuple,
-    results: tuple,
+    law: tuple, mesh: tuple, displacements: tuple, before: tuple, after: tuple, guesses: tuple, results: tuple
 ) -> int:
     """Integrate an increment in all elements.
 
@@ -352,7 +345,7 @@ def _add_stiffness(by_gradient, area, shapes, products, stiffness):
 
 
 @compiled
-def add_to_band(stiffness: Array, numbers: NDArray[np.int64], width: int, band: Array) -> None:
+def add_to_band(stiffness: Array, numbers: IntArray, width: int, band: Array) -> None:
     """Add element matrices to a band matrix in the layout of LAPACK's `gbtrf`.
 
     Parameters
@@ -378,7 +371,7 @@ def add_to_band(stiffness: Array, numbers: NDArray[np.int64], width: int, band: 
 
 
 @compiled
-def multiply_elements(stiffness: Array, numbers: NDArray[np.int64], vector: Array) -> Array:
+def multiply_elements(stiffness: Array, numbers: IntArray, vector: Array) -> Array:
     """Multiply the sum of element matrices by a vector, both as of `add_to_band`."""
     product = np.zeros_like(vector)
     for element in range(len(stiffness)):

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import get_lapack_funcs
 from skfem import Basis, ElementQuadS2, MeshQuad
 
@@ -25,14 +25,14 @@ from compact.engines.compaction.finite_strain_kernels import add_to_band, integr
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
+from compact.numerics import Array, IntArray
 from compact.numerics.assembly import element_unknowns
 
 STRAIN_FROM_GRADIENT = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy)
 GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
 SUBSTEPS = 4  # [-], of the stress integration in an increment as long as an element; 2 leave 0.3 % in the resistance
 PROBE_TOLERANCE = 5e-3  # [-], error of factors in single precision, over the largest displacement
-FloatArray = NDArray[np.float64]
-LinearSolver = Callable[[FloatArray], FloatArray]
+LinearSolver = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ class SolidState:
         Pressures that limit shear in the next increment [Pa], see `drucker_prager_cap`; the mix's own by default.
     """
 
-    displacement: FloatArray
+    displacement: Array
     points: cap_plasticity.MaterialPoint
-    work: FloatArray
-    carried_pressure: FloatArray | None = None
+    work: Array
+    carried_pressure: Array | None = None
 
 
 class FiniteStrainSolid:
@@ -94,33 +94,32 @@ class FiniteStrainSolid:
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
         self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
         self.finite, self.travel = finite, travel
+        self.air_forces: Array | None = None  # nodal forces of pore air in the elements [N/m], of the total stress
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
     @cached_property
-    def shape_gradients(self) -> FloatArray:
+    def shape_gradients(self) -> Array:
         """Gradients dN/dX of the shape functions [1/m], shape (elements, points, 8, 2)."""
         grad = np.array([self.basis.basis[j][0].grad for j in range(self.basis.Nbfun)])
         return np.ascontiguousarray(grad.transpose(2, 3, 0, 1))
 
     @cached_property
-    def point_coordinates(self) -> FloatArray:
+    def point_coordinates(self) -> Array:
         """Coordinates of the Gauss points in the reference configuration [m], shape (n, 2)."""
         return np.asarray(self.basis.global_coordinates()).reshape(2, -1).T
 
     @cached_property
-    def point_areas(self) -> FloatArray:
+    def point_areas(self) -> Array:
         """Integration weights of the Gauss points in the reference configuration [m2], shape (n,)."""
         return self.basis.dx.ravel()
 
     def undeformed_state(self) -> SolidState:
         """Return the state of fresh mix without stress and displacement."""
-        count = self.point_areas.size
-        return SolidState(
-            np.zeros((self.basis.N, 2)), cap_plasticity.initial_state(self.material, count), np.zeros(count)
-        )
+        points = cap_plasticity.initial_state(self.material, self.point_areas.size)
+        return SolidState(np.zeros((self.basis.N, 2)), points, np.zeros(self.point_areas.size))
 
-    def displacement_gradient(self, displacement: FloatArray) -> FloatArray:
+    def displacement_gradient(self, displacement: Array) -> Array:
         """Return du_i/dX_j at the Gauss points, (xx, xy, yx, yy) [-], shape (n, 4).
 
         Parameters
@@ -131,7 +130,7 @@ class FiniteStrainSolid:
         nodal = displacement[self.basis.element_dofs.T]
         return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.shape_gradients).reshape(-1, 4)
 
-    def volume_ratio(self, displacement: FloatArray) -> FloatArray:
+    def volume_ratio(self, displacement: Array) -> Array:
         """Return J of the Gauss points; 1 plus the change of area in small strain."""
         gradient = self.displacement_gradient(displacement)
         if self.finite:
@@ -139,11 +138,7 @@ class FiniteStrainSolid:
         return 1 + gradient[:, 0] + gradient[:, 3]
 
     def increment(
-        self,
-        before: SolidState,
-        displacement: FloatArray,
-        tangent: bool = True,
-        near: "SolidIncrement | None" = None,
+        self, before: SolidState, displacement: Array, tangent: bool = True, near: "SolidIncrement | None" = None
     ) -> "SolidIncrement":
         """Integrate the stresses from a state to a displacement.
 
@@ -179,7 +174,8 @@ class FiniteStrainSolid:
         law = constants, constants.line or None, self.finite
         carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
         guesses, results = (multipliers, carried), (forces, stiffness)
-        failed = integrate_elements(law, self._mesh, displacements, state, after, guesses, results)
+        mesh = np.ascontiguousarray(self.basis.element_dofs.T), self.shape_gradients, self.point_areas
+        failed = integrate_elements(law, mesh, displacements, state, after, guesses, results)
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
@@ -187,27 +183,18 @@ class FiniteStrainSolid:
             )
         points = cap_plasticity.MaterialPoint(*after[:4])
         end = SolidState(displacement, points, after[4], before.carried_pressure)
+        forces = forces if self.air_forces is None else forces - self.air_forces
         return SolidIncrement(self, end, multipliers, forces, stiffness)
 
     @cached_property
-    def _mesh(self):
-        """Nodes of the elements, gradients of their shape functions and areas of their points, for compiled code."""
-        return np.ascontiguousarray(self.basis.element_dofs.T), self.shape_gradients, self.point_areas
-
-    def elastic_element_stiffness(self) -> FloatArray:
-        """Return the stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
-        undeformed = self.undeformed_state()
-        return self.increment(undeformed, undeformed.displacement).element_stiffness
-
-    @cached_property
-    def ordered_dofs(self) -> NDArray[np.int64]:
+    def ordered_dofs(self) -> IntArray:
         """Free degrees of freedom, ordered by columns of nodes along x for a narrow matrix band."""
         free = np.setdiff1d(np.arange(2 * self.basis.N), self.fixed_dofs)
         x, y = np.repeat(self.basis.doflocs, 2, axis=1)[:, free]
         return free[np.lexsort((y, np.round(x / np.ptp(x), 9)))]
 
     @cached_property
-    def equation_numbers(self) -> NDArray[np.int64]:
+    def equation_numbers(self) -> IntArray:
         """Index of each degree of freedom in `ordered_dofs`, -1 if it is fixed."""
         numbers = np.full(2 * self.basis.N, -1)
         numbers[self.ordered_dofs] = np.arange(self.ordered_dofs.size)
@@ -220,7 +207,7 @@ class FiniteStrainSolid:
         first = np.where(numbers >= 0, numbers, numbers.max()).min(axis=1)
         return int((numbers.max(axis=1) - first).max()), numbers
 
-    def multiply(self, element_stiffness: FloatArray, vector: FloatArray) -> FloatArray:
+    def multiply(self, element_stiffness: Array, vector: Array) -> Array:
         """Multiply the assembled stiffness of the free degrees of freedom by a vector in the order of `ordered_dofs`.
 
         Parameters
@@ -232,7 +219,7 @@ class FiniteStrainSolid:
         """
         return np.asarray(multiply_elements(element_stiffness, self._band_layout[1], vector))
 
-    def factorise(self, element_stiffness: FloatArray, nodes: ArrayLike, nodal_stiffness: FloatArray) -> LinearSolver:
+    def factorise(self, element_stiffness: Array, nodes: ArrayLike, nodal_stiffness: Array) -> LinearSolver:
         """Assemble and factorise the stiffness of the free degrees of freedom.
 
         LAPACK's banded LU is twice as fast as a sparse one for some thousand unknowns. Its factors have single
@@ -259,7 +246,7 @@ class FiniteStrainSolid:
         """
         nodal_numbers = self.equation_numbers[2 * np.asarray(nodes)[:, None] + np.arange(2)]
         parts = (element_stiffness, self._band_layout[1]), (nodal_stiffness, nodal_numbers)
-        probe = self._probe
+        probe = np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)  # excites all modes
         product = sum(multiply_elements(*part, probe) for part in parts)
         solve = self._factorise_band(parts, np.float32)
         if solve is not None and np.linalg.norm(solve(product) - probe, np.inf) < PROBE_TOLERANCE:
@@ -280,11 +267,6 @@ class FiniteStrainSolid:
         if info:
             return None
         return lambda residual: solve(factors, width, width, residual.astype(precision), pivots)[0].astype(float)
-
-    @cached_property
-    def _probe(self):
-        """Random displacements of the free degrees of freedom, which excite all modes."""
-        return np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,13 +289,13 @@ class SolidIncrement:
 
     solid: FiniteStrainSolid
     after: SolidState
-    multipliers: FloatArray
-    element_forces: FloatArray
-    element_stiffness: FloatArray
+    multipliers: Array
+    element_forces: Array
+    element_stiffness: Array
 
     @property
-    def internal_forces(self) -> FloatArray:
+    def internal_forces(self) -> Array:
         """Internal forces of the nodes [N/m], shape (N, 2)."""
         dofs, count = self.solid.element_dofs, 2 * self.solid.basis.N
         forces = np.bincount(dofs.ravel(), self.element_forces.ravel(), count)
-        return cast(FloatArray, forces.reshape(-1, 2))  # floats, as it has weights
+        return cast(Array, forces.reshape(-1, 2))  # floats, as it has weights

@@ -27,15 +27,18 @@ A. P. Green, The plastic yielding of metal junctions due to combined shear and p
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.rolling_contact import Heaping, HeapingError
 
-FloatArray = NDArray[np.float64]
+if TYPE_CHECKING:
+    from compact.engines.compaction.rolling_case import DepthTarget
+
 MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
 LENGTH_RATIO = 1.07  # [-], contact length over that ahead of the lowest generatrix; fitted
 BEARING_RATIO = 1.3  # [-], mean pressure over the bearing capacity of a half-plane of fresh mix; fitted
@@ -110,7 +113,7 @@ class HeapingEstimate:
         """Largest load of the mix at the bearing capacity [N/m]."""
         return LOAD_RATIO * self.bearing_pressure * self.contact_length
 
-    def _stress_ratio(self, y: FloatArray) -> FloatArray:
+    def _stress_ratio(self, y: Array) -> Array:
         """Vertical stress at a depth y [m] in a half-plane under a unit pressure over the contact length [-]."""
         half = self.contact_length / (2 * y)
         return 2 / np.pi * (np.arctan(half) + half / (1 + half**2))
@@ -124,50 +127,46 @@ def bearing_factor(friction: float) -> float:
     return float(1 + np.pi - turn + np.cos(turn))
 
 
-def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth: float | None) -> None:
+def require_no_heaping(estimate: HeapingEstimate, target: "DepthTarget") -> None:
     """Require a depth or load within the limits of the estimate.
 
     Parameters
     ----------
     estimate : HeapingEstimate
         Limits of the layer.
-    name : {"indentation", "exit_density_ratio", "load", "peak_pressure"}
+    target : DepthTarget
         Prescribed quantity.
-    value : float
-        Its value.
-    depth : float or None
-        Depth that it requires [m], None for a load or pressure.
 
     Raises
     ------
     HeapingError
         If the limit is exceeded; the message contains the limit and a remedy from the same estimate.
     """
-    angle, heaping = f"{np.degrees(estimate.contact_angle):.3g} degrees", Heaping(depth, estimate.contact_angle)
+    name, value, depth = target.quantity, target.value, target.required_depth
+    angle, reason = f"{np.degrees(estimate.contact_angle):.3g} degrees", ""
     contact = f"a contact of {angle}, {_millimetres(estimate.contact_length)} long,"
     if name == "load" and value > estimate.max_load:
-        raise HeapingError(
+        reason = (
             f"`load` must be at most about {estimate.max_load:.0f} N/m, the bearing capacity over {contact} before the "
             f"mix heaps up in front of the roller (an estimate), got {value:.0f} N/m; reduce the load or use a larger "
-            "roller",
-            heaping,
+            "roller"
         )
-    if depth is None or depth <= min(estimate.max_depth, estimate.contact_height):
-        return
-    if depth > estimate.contact_height:
-        raise HeapingError(
+    elif depth is not None and depth > estimate.contact_height:
+        reason = (
             f"`{name}` requires a depth of {_millimetres(depth)}, at which the contact angle exceeds {angle} and the "
-            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller",
-            heaping,
+            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller"
         )
-    given = "" if name == "indentation" else f" {value:.4g}"
-    raise HeapingError(
-        f"`{name}`{given} requires a depth of {_millimetres(depth)}, more than about {_millimetres(estimate.max_depth)}"
-        f": the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which compacts the "
-        "voids no further, and the rest heaps up in front of the roller (an estimate); reduce the depth, use a larger "
-        "roller, or feed the mix denser (`layer.fed_density_ratio`) or in lifts (`layer.lift_thickness`)",
-        heaping,
-    )
+    elif depth is not None and depth > estimate.max_depth:
+        given = "" if name == "indentation" else f" {value:.4g}"
+        reason = (
+            f"`{name}`{given} requires a depth of {_millimetres(depth)}, more than about "
+            f"{_millimetres(estimate.max_depth)}: the bearing capacity is about "
+            f"{estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which compacts the voids no further, and the "
+            "rest heaps up in front of the roller (an estimate); reduce the depth, use a larger roller, or feed the "
+            "mix denser (`layer.fed_density_ratio`) or in lifts (`layer.lift_thickness`)"
+        )
+    if reason:
+        raise HeapingError(reason, Heaping(depth, estimate.contact_angle))
 
 
 def _millimetres(length: float) -> str:

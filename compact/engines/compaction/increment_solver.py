@@ -10,21 +10,15 @@ damping then stabilises it: a share of the elastic forces of the departure from 
 in steady motion.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from compact.engines.compaction.finite_strain_solid import (
-    FiniteStrainSolid,
-    FloatArray,
-    LinearSolver,
-    SolidIncrement,
-    SolidState,
-)
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, LinearSolver, SolidIncrement, SolidState
 from compact.engines.compaction.roller_contact import ContactForces, RollerSurface
+from compact.numerics import Array
 from compact.rolling_contact import EquilibriumError
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
@@ -67,7 +61,7 @@ class _Trial:
 
     increment: SolidIncrement
     contact: ContactForces
-    residual: FloatArray
+    residual: Array
     undamped_size: float
     size: float
 
@@ -91,13 +85,12 @@ class IncrementSolver:
         self._last_increment: SolidIncrement | None = None
 
     @cached_property
-    def elastic_stiffness(self) -> FloatArray:
+    def elastic_stiffness(self) -> Array:
         """Stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
-        return self.solid.elastic_element_stiffness()
+        undeformed = self.solid.undeformed_state()
+        return self.solid.increment(undeformed, undeformed.displacement).element_stiffness
 
-    def solve(
-        self, before: SolidState, surface: RollerSurface, prediction: FloatArray, damping: float = 0.0
-    ) -> Equilibrium:
+    def solve(self, before: SolidState, surface: RollerSurface, prediction: Array, damping: float = 0.0) -> Equilibrium:
         """Find the equilibrium that follows a state.
 
         Parameters
@@ -123,7 +116,7 @@ class IncrementSolver:
         """
         solid, dofs = self.solid, self.solid.ordered_dofs
 
-        def attempt(displacement: FloatArray, near: SolidIncrement | None) -> _Trial | None:
+        def attempt(displacement: Array, near: SolidIncrement | None) -> _Trial | None:
             """Return the trial, or None if elements invert or the stress integration fails."""
             try:
                 with np.errstate(invalid="raise", divide="raise", over="raise"):
@@ -178,8 +171,8 @@ class IncrementSolver:
 
     def _factorise(self, before: SolidState, trial: _Trial, elastic_share: float) -> None:
         """Factorise the tangent at a trial, whose increment is integrated again, with a share of the elastic one."""
-        displacement, contact = trial.increment.after.displacement, trial.contact
-        stiffness = self.solid.increment(before, displacement, near=trial.increment).element_stiffness
+        near, contact = trial.increment, trial.contact
+        stiffness = self.solid.increment(before, near.after.displacement, near=near).element_stiffness
         if elastic_share:
             stiffness += elastic_share * self.elastic_stiffness
         try:
@@ -191,23 +184,17 @@ class IncrementSolver:
             spread = np.zeros((2, self.solid.basis.N, 2))
             spread[:, self.nodes] = contact.creep_coupling
             column, row = (part.ravel()[self.solid.ordered_dofs] for part in spread)
-            solved_column = solve(column)
-            part = solved_column / (1 + row @ solved_column)
+            solved = solve(column)
+            solved /= 1 + row @ solved
 
-            def solve_coupled(residual: FloatArray) -> FloatArray:
+            def solve_coupled(residual: Array) -> Array:
                 plain = solve(residual)
-                return plain - (row @ plain) * part
+                return plain - (row @ plain) * solved
 
             self.solve_tangent = solve_coupled
 
 
-def _line_search(
-    attempt: Callable[[FloatArray, SolidIncrement], _Trial | None],
-    trial: _Trial,
-    dofs: NDArray[np.int64],
-    direction: FloatArray,
-    length: float,
-) -> tuple[float, _Trial | None]:
+def _line_search(attempt, trial, dofs, direction, length):
     """Return the step length and the trial with a smaller residual along the direction; None if there is none.
 
     The length given is tried first.

@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, FloatArray
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import LowerLift, compaction_rate
 
@@ -33,7 +34,7 @@ class LayerState:
         Lift below, bonded to the layer; None on the rigid base.
     """
 
-    heights: FloatArray
+    heights: Array
     points: cap_plasticity.MaterialPoint
     lower: "LayerState | None" = None
 
@@ -62,7 +63,7 @@ class LayerState:
         return replace(layer, lower=lower)
 
     @property
-    def y(self) -> FloatArray:
+    def y(self) -> Array:
         """Heights of the row centres above the base [m], shape (n,)."""
         return np.cumsum(self.heights) - self.heights / 2
 
@@ -81,7 +82,7 @@ class LayerState:
         material : Compaction
             Constitutive law.
         """
-        return float(self.heights @ _solid_ratio(self.points, material))
+        return float(self.heights @ self.points.density_under_load(material))
 
     def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
         """Return the layer with a lift of fresh mix on top.
@@ -98,21 +99,21 @@ class LayerState:
         return replace(covered, lower=self.lower)
 
     @property
-    def density_rows(self) -> FloatArray:
+    def density_rows(self) -> Array:
         """Heights [m] and density ratios [-] of all rows, those of the lower lift first, shape (2, n)."""
         return np.stack([self.stacked.heights, self.stacked.points.density_ratio])
 
-    def resampled(self, heights: FloatArray, material: Compaction) -> "LayerState":
+    def resampled(self, heights: Array, material: Compaction) -> "LayerState":
         """Return the layer by rows of other heights [m]; sums over the height are conserved, of solids, not of k."""
         points = self.points.map(lambda values: _conservative_means(values, self.heights, heights))
-        solids = _conservative_means(_solid_ratio(self.points, material), self.heights, heights)
-        ratio = points.density_ratio * solids / _solid_ratio(points, material)
+        solids = _conservative_means(self.points.density_under_load(material), self.heights, heights)
+        ratio = points.density_ratio * solids / points.density_under_load(material)
         # the preconsolidation density ratio is at least the density ratio
         densest = np.maximum(points.max_density_ratio, ratio)
         return LayerState(heights, replace(points, density_ratio=ratio, max_density_ratio=densest), self.lower)
 
 
-def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
+def fresh_layer(material: Compaction, heights: Array) -> LayerState:
     """Return a layer of fresh mix.
 
     Parameters
@@ -145,11 +146,6 @@ def compacted_lift(lift: LowerLift, material: Compaction, rate_factor: float = 1
         material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress
     )
     return LayerState(np.array([lift.thickness]), points)
-
-
-def _solid_ratio(points, material):
-    """Share of the volume under load that solids and water fill, k exp(p/K) [-]."""
-    return points.density_ratio * np.exp(-points.stress[:, :3].mean(axis=1) / material.bulk_modulus)
 
 
 def _conservative_means(values, old, new):
@@ -199,8 +195,8 @@ def rate_factor_at(
 
 
 def relax_rows(
-    solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint, strain_along: FloatArray
-) -> tuple[cap_plasticity.MaterialPoint, FloatArray]:
+    solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint, strain_along: Array
+) -> tuple[cap_plasticity.MaterialPoint, Array]:
     """Strain rows of mix along x, and across until their horizontal planes have no stress.
 
     Parameters

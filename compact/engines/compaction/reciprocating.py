@@ -39,39 +39,21 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.engine import CompactionContactResult
-from compact.engines.compaction.finite_strain_solid import FloatArray
+from compact.engines.compaction import reciprocating_case
+from compact.engines.compaction.engine import CompactionContactResult, require_compactable
 from compact.engines.compaction.increment_solver import Equilibrium, IncrementSolver
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
-from compact.engines.compaction.reciprocating_case import (
-    ReciprocatingNumerics,
-    require_simulable,
-    require_start,
-    warn_of_shut_pores,
-)
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame, laid_state, rolling_mesh, transfer_state
-from compact.engines.compaction.rolling import (
-    CARRIED_SHARE,
-    MIN_SUBSTEPS,
-    IncrementalRolling,
-    mean_pressure,
-    roller_surface,
-)
+from compact.engines.compaction.rolling import CARRIED_SHARE, MIN_SUBSTEPS, IncrementalRolling, roller_surface
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
 from compact.material.laws import Compaction, DruckerPragerCap
+from compact.numerics import Array, IntArray
 from compact.numerics.validation import require_finite
-from compact.rolling_contact import (
-    EquilibriumError,
-    Layer,
-    PrescribedMotion,
-    Roller,
-    require_torque_allowed,
-)
+from compact.rolling_contact import EquilibriumError, Layer, PrescribedMotion, Roller, require_torque_allowed
 
 if TYPE_CHECKING:
     import meshio
@@ -128,22 +110,22 @@ class CompactionTransientResult:
         Newton iterations of all steps.
     """
 
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    load: FloatArray
-    resistance: FloatArray
-    leading: FloatArray
-    trailing: FloatArray
+    time: Array
+    position: Array
+    velocity: Array
+    load: Array
+    resistance: Array
+    leading: Array
+    trailing: Array
     error: float | None
     steps: int
     frames: tuple[tuple[float, Any], ...]
-    stroke: NDArray[np.int64]
-    bottom_height: FloatArray
-    angle: FloatArray
-    input_work: FloatArray
-    slip_work: FloatArray
-    stored_work: FloatArray
+    stroke: IntArray
+    bottom_height: Array
+    angle: Array
+    input_work: Array
+    slip_work: Array
+    stored_work: Array
     exit_layers: tuple[LayerState, ...]
     iterations: int
 
@@ -187,7 +169,7 @@ class ReciprocatingRoller:
         self._friction, self._tangential_force = self.surface.friction, self.surface.tangential_force  # along +x
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
         self.state, self.iterations = frame.initial_state(), 0
-        self._past: list[tuple[float, float, ContactForces, FloatArray]] = []  # place, travel, contact, change of steps
+        self._past: list[tuple[float, float, ContactForces, Array]] = []  # place, travel, contact, change of steps
         self.contact = self.surface.normal_contact(self._surface_displacement)
         self.angle, self.input_work, self.slip_work, self.stored_work = 0.0, 0.0, 0.0, 0.0
 
@@ -207,19 +189,10 @@ class ReciprocatingRoller:
             leading, trailing = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
         load, resistance = surface.load_and_resistance(self.contact)
         return {
-            "position": surface.position,
-            "bottom_height": surface.bottom_height,
-            "load": load,
-            "resistance": resistance,
-            "leading": leading,
-            "trailing": trailing,
-        } | {name: getattr(self, name) for name in ("angle", "input_work", "slip_work", "stored_work")}
-
-    @property
-    def middle_layer(self) -> LayerState:
-        """State of the layer in the middle of the stroke."""
-        middle = int(np.searchsorted(self.frame.row_x, self.strokes.span / 2))
-        return self.frame.exit_layer(self.state, middle)[0]
+            "position": surface.position, "bottom_height": surface.bottom_height, "load": load,
+            "resistance": resistance, "leading": leading, "trailing": trailing, "angle": self.angle,
+            "input_work": self.input_work, "slip_work": self.slip_work, "stored_work": self.stored_work,
+        }  # fmt: skip
 
     @property
     def fields(self) -> "meshio.Mesh":
@@ -296,12 +269,7 @@ class ReciprocatingRoller:
                 f"last step: load {forces_before[0]:.6g} N/m, resistance {forces_before[1]:.6g} N/m"
             ) from reason
         contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
-        utilisation = surface.friction_utilisation(contact)
-        if utilisation >= 1:  # the creepage of a skidding roller is undetermined
-            raise RuntimeError(
-                f"the roller skids at {x:.6g} m: the torque requires {utilisation:.3g} times the friction limit; "
-                "reduce the torque"
-            )
+        surface.require_grip(contact, f" at {x:.6g} m")
         rotation = 0.0 if contact.creep_travel is None else travel + contact.creep_travel
         load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
         # of slip along the roller surface, which has moved back by the rotation
@@ -309,12 +277,9 @@ class ReciprocatingRoller:
         along = np.sum(surface.tangents(equilibrium.state.displacement[nodes]) * slip, axis=1) - rotation
         slip_work = surface.weights * (self.contact.shear + contact.shear) / 2 @ along
         self.angle += rotation / surface.radius
-        self.input_work += (
-            resistance * travel
-            - load * (bottom_height - old.bottom_height)
-            - sign * (self._tangential_force or 0.0) * rotation
-            - slip_work
-        )
+        pressed = load * (bottom_height - old.bottom_height)
+        driven = sign * (self._tangential_force or 0.0) * rotation
+        self.input_work += resistance * travel - pressed - driven - slip_work
         self.slip_work += slip_work
         self.stored_work += float(solid.point_areas @ (equilibrium.state.work - self.state.work))
         self._past = [*self._past[1 - STEPS_PER_ELEMENT :], (x, travel, contact, change)]
@@ -323,7 +288,7 @@ class ReciprocatingRoller:
         self.surface = surface.with_multipliers(contact)
 
     @property
-    def _surface_displacement(self) -> FloatArray:
+    def _surface_displacement(self) -> Array:
         return self.state.displacement[self.frame.surface_nodes]
 
     def _surface_along(self, sign: float) -> RollerSurface:
@@ -332,7 +297,7 @@ class ReciprocatingRoller:
             return replace(self.surface, tangential_force=sign * self._tangential_force)
         return replace(self.surface, friction=sign * self._friction)
 
-    def _predict(self, travel: float) -> tuple[ContactTractions, FloatArray]:
+    def _predict(self, travel: float) -> tuple[ContactTractions, Array]:
         """Predict tractions and displacement change: as one element before, or with the last tractions."""
         x, sign, element = self.surface.position + travel, np.sign(travel), self.frame.step
         shift, tractions = travel, self.contact
@@ -352,7 +317,7 @@ class ReciprocatingRoller:
         low, high = x.min(), x.max()
         return {sign: probes(np.array([np.clip(x - sign * self.frame.step, low, high), y])) for sign in (1.0, -1.0)}
 
-    def _solve_augmented(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
+    def _solve_augmented(self, surface: RollerSurface, guess: Array) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
         iterations = 0
         for _ in range(MAX_AUGMENTATIONS):
@@ -372,10 +337,10 @@ class ReciprocatingRoller:
 
     def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:
         """Solve a step with the carried pressure that equals the pressure after it."""
-        carried, guess, iterations = mean_pressure(self.state), self.state.displacement, 0
+        carried, guess, iterations = self.state.points.pressure, self.state.displacement, 0
         for _ in range(MAX_CARRYING):
             found = self.solver.solve(replace(self.state, carried_pressure=carried), surface, guess)
-            after = mean_pressure(found.state)
+            after = found.state.points.pressure
             guess, iterations = found.state.displacement, iterations + found.iterations
             if np.abs(after - carried).mean() < CARRIED_TOLERANCE * np.abs(after).mean():
                 return replace(found, state=replace(found.state, carried_pressure=None), iterations=iterations)
@@ -432,40 +397,49 @@ def simulate_reciprocating(
     RuntimeError
         If a step has no equilibrium or the roller skids; the message contains the position.
     """
-    numerics = ReciprocatingNumerics(**options)
+    numerics = reciprocating_case.ReciprocatingNumerics(**options)
     strokes = stroke_schedule(motion)
-    depth = require_simulable(layer, roller, material, strokes, lift_thickness, numerics.edge_distance, fed_layer)
-    require_start(start, layer, depth, fed_layer, strokes)
+    require_compactable(layer, roller, material, 1.0, fed_layer)
+    edge = numerics.edge_distance
+    depth = reciprocating_case.require_simulable(layer, roller, strokes, lift_thickness, edge, fed_layer)
+    if start is not None:
+        reciprocating_case.require_start(start, layer, depth, fed_layer, strokes)
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
 
-    def roller_on(fed: LayerState | None, position: float) -> ReciprocatingRoller:
+    def roller_on(fed: LayerState | None, position: float, before: ReciprocatingRoller | None) -> ReciprocatingRoller:
         height = layer.height if fed is None else fed.height
         mesh = rolling_mesh(height, length, element, stroke=round(strokes.span / element))
         frame = RollerFrame(mesh, material, "bonded", length, fed_layer=fed, finite=numerics.strain == "finite")
         frame.step = element  # that of the strokes, without the rounding of the nodes
-        return ReciprocatingRoller(frame, roller, strokes, torque or 0.0, position)
+        rolling = ReciprocatingRoller(frame, roller, strokes, torque or 0.0, position)
+        if before is not None:
+            rolling.input_work, rolling.stored_work = before.input_work, before.stored_work
+            rolling.iterations = before.iterations
+        return rolling
 
     def simulate(every: int) -> _History:
         """Simulate all strokes in all steps, or in every second one; a new roller presses each lift."""
-        run, fed = _History(), fed_layer
+        run, fed, rolling = _History(), fed_layer, None
         for stroke in range(strokes.count):
             times, positions = strokes.steps(stroke, element, every)
-            speeds = (np.diff(positions) / np.diff(times)).tolist()
-            is_new = stroke == 0 or lift_thickness > 0
-            if is_new:
+            is_new = rolling is None or lift_thickness > 0
+            if rolling is None or is_new:
                 if stroke:
                     fed = run.exit_layers[-1].with_lift(lift_thickness, material)
-                    warn_of_shut_pores(fed, material, depth, stroke + 1)
-                run.add(roller_on(fed, positions[0]))
+                    reciprocating_case.warn_of_shut_pores(fed, material, depth, stroke + 1)
+                rolling = roller_on(fed, positions[0], rolling)
                 if start is not None and stroke == 0:
-                    run.roller.initialise_from(start.solution)
+                    rolling.initialise_from(start.solution)
                 else:
-                    run.roller.press(run.roller.surface.bottom_height - depth, speeds[0], every)
-            elif numerics.edge_distance is not None:  # behind the stroke before, ahead of this one
-                run.roller.lay_mix(numerics.edge_distance, float(np.sign(positions[1] - positions[0])))
-            run.add_stroke(stroke, times, positions, speeds, is_new, strokes.nearest(stroke, times, numerics.instants))
+                    speed = float((positions[1] - positions[0]) / (times[1] - times[0]))
+                    rolling.press(rolling.surface.bottom_height - depth, speed, every)
+            elif edge is not None:  # behind the stroke before, ahead of this one
+                rolling.lay_mix(edge, float(np.sign(positions[1] - positions[0])))
+            run.add_stroke(
+                rolling, stroke, (times, positions), is_new, strokes.nearest(stroke, times, numerics.instants)
+            )
         return run
 
     with threadpool_limits(1):
@@ -482,7 +456,7 @@ def simulate_reciprocating(
         stroke=np.array(stroke) + 1,
         exit_layers=tuple(run.exit_layers),
         frames=tuple(run.frames),
-        iterations=sum(each.iterations for each in run.rollers),
+        iterations=run.iterations,
         error=error,
         steps=len(run.steps) + (len(coarse.steps) if coarse else 0),
         **{name: np.array([record[name] for record in records]) for name in records[0]},
@@ -491,30 +465,19 @@ def simulate_reciprocating(
 
 @dataclass(eq=False)
 class _History:
-    """Results of strokes: (stroke, time, record of the roller) of each step, layers, frames, and the rollers."""
+    """Results of strokes: (stroke, time, record of the roller) of each step, layers, frames, Newton iterations."""
 
     steps: list[tuple[int, float, dict[str, float]]] = field(default_factory=list)
     exit_layers: list[LayerState] = field(default_factory=list)
     frames: list[tuple[float, Any]] = field(default_factory=list)
-    rollers: list[ReciprocatingRoller] = field(default_factory=list)
-
-    @property
-    def roller(self) -> ReciprocatingRoller:
-        """Roller on the present layer."""
-        return self.rollers[-1]
-
-    def add(self, roller: ReciprocatingRoller) -> None:
-        """Continue with a roller on another layer, and the works of the one before."""
-        if self.rollers:
-            roller.input_work, roller.stored_work = self.roller.input_work, self.roller.stored_work
-        self.rollers.append(roller)
+    iterations: int = 0
 
     def add_stroke(
-        self, stroke: int, times: FloatArray, positions: FloatArray, speeds: list[float], is_new: bool, kept: set[int]
+        self, roller: ReciprocatingRoller, stroke: int, steps: tuple[Array, Array], is_new: bool, kept: set[int]
     ) -> None:
         """Move the roller by one stroke; fields are kept after some steps."""
-        roller = self.roller
-        rate_factors = [roller.rate_factor(speed) for speed in speeds]
+        times, positions = steps
+        rate_factors = [roller.rate_factor(speed) for speed in (np.diff(positions) / np.diff(times)).tolist()]
         if roller.is_set_valued:
             if is_new:
                 self.steps.append((stroke, times[0], roller.record))
@@ -527,4 +490,6 @@ class _History:
                 self.steps.append((stroke, time, roller.record))
             if k in kept:
                 self.frames.append((float(time), roller.fields))
-        self.exit_layers.append(roller.middle_layer)
+        middle = int(np.searchsorted(roller.frame.row_x, roller.strokes.span / 2))
+        self.exit_layers.append(roller.frame.exit_layer(roller.state, middle)[0])
+        self.iterations = roller.iterations

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from compact.engines.compaction.engine import CompactionContactResult, require_compactable
+from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.layer_state import LayerState
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, Strokes
 from compact.material.laws import Compaction
@@ -56,9 +56,8 @@ class ReciprocatingNumerics:
 def require_simulable(
     layer: Layer,
     roller: Roller,
-    material: Compaction,
     strokes: Strokes,
-    lift_thickness: float,
+    lift: float,
     edge_distance: float | None,
     fed_layer: LayerState | None,
 ) -> float:
@@ -66,19 +65,18 @@ def require_simulable(
     depth = roller.indentation
     if depth is None:
         raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
-    require_compactable(layer, roller, material, 1.0, fed_layer)
     if layer.lower_lift is not None or (fed_layer is not None and fed_layer.lower is not None):
         raise ValueError("a `lower_lift` is for steady rolling, got one under a stroke; use `roll`")
     if layer.base != "bonded":
         raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
     if not strokes.span > 0:
         raise ValueError(f"`motion` must move the roller, got a constant position of {strokes.low!r} m")
-    require_nonnegative(lift_thickness=lift_thickness)
+    require_nonnegative(lift_thickness=lift)
     length = float(np.sqrt(2 * roller.radius * depth))
-    if edge_distance is not None and (lift_thickness or not edge_distance >= length):
+    if edge_distance is not None and (lift or not edge_distance >= length):
         raise ValueError(
             f"`edge_distance` must be at least the contact length {length:.4g} m and `lift_thickness` 0, got "
-            f"{edge_distance!r} m and {lift_thickness!r} m"
+            f"{edge_distance!r} m and {lift!r} m"
         )
     return depth
 
@@ -95,11 +93,9 @@ def warn_of_shut_pores(fed: LayerState, material: Compaction, depth: float, stro
 
 
 def require_start(
-    start: CompactionContactResult | None, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
+    start: CompactionContactResult, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
 ) -> None:
     """Require a steady contact from which the motion can begin."""
-    if start is None:
-        return
     same = start.layer == layer and start.solution.frame.inflow is fed_layer
     if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
         raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")

@@ -35,7 +35,7 @@ from typing import Self
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import FloatArray
+from compact.numerics import Array
 from compact.rolling_contact import GapGeometry
 
 MIN_SLOPE_ROOT = 1e-12  # [-], of R^2, least R^2 - x^2 of the slope of the circle
@@ -53,11 +53,11 @@ class ContactTractions:
         Creepage of a roller that sticks and slips [-], else None.
     """
 
-    pressure: FloatArray
-    shear: FloatArray
+    pressure: Array
+    shear: Array
     creepage: float | None = None
 
-    def at(self, x: FloatArray, known: FloatArray) -> "ContactTractions":
+    def at(self, x: Array, known: Array) -> "ContactTractions":
         """Interpolate from nodes at `known` to nodes at x [m]."""
         return ContactTractions(np.interp(x, known, self.pressure), np.interp(x, known, self.shear), self.creepage)
 
@@ -80,11 +80,11 @@ class ContactForces(ContactTractions):
         Column and row of the rank-one stiffness by the creepage.
     """
 
-    gap: FloatArray
-    forces: FloatArray
-    stiffness: FloatArray
+    gap: Array
+    forces: Array
+    stiffness: Array
     creep_travel: float | None = None
-    creep_coupling: tuple[FloatArray, FloatArray] | None = None
+    creep_coupling: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +121,8 @@ class RollerSurface:
         Tangential over normal penalty [-]; 0.2 to 5 give the same steady motion.
     """
 
-    coordinates: FloatArray
-    weights: FloatArray
+    coordinates: Array
+    weights: Array
     radius: float
     bottom_height: float
     penalty: float
@@ -131,7 +131,7 @@ class RollerSurface:
     tangential_force: float | None
     multipliers: ContactTractions
     position: float = 0.0
-    start_arcs: FloatArray | float = 0.0
+    start_arcs: Array | float = 0.0
     start_position: float = 0.0
     shear_penalty_ratio: float = 1.0
 
@@ -151,23 +151,22 @@ class RollerSurface:
     def multiplier_error(self, contact: ContactForces) -> float:
         """Return the largest difference between the tractions and their multipliers [Pa]."""
         names = ("pressure", "shear") if self.rotates else ("pressure",)
-        return max(float(np.abs(getattr(contact, name) - getattr(self.multipliers, name)).max()) for name in names)
+        return float(max(np.abs(getattr(contact, name) - getattr(self.multipliers, name)).max() for name in names))
 
-    def begin_increment(self, displacement: FloatArray) -> Self:
+    def begin_increment(self, displacement: Array) -> Self:
         """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
         return replace(self, start_arcs=self.arcs(displacement), start_position=self.position)
 
-    def contact_forces(self, displacement: FloatArray) -> ContactForces:
+    def contact_forces(self, displacement: Array) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
         normal = self.normal_contact(displacement)
         if self.tangential_force is None:
             return normal
         # normals and tangents, rotation and arc growth per tangential motion of the nodes
-        n, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
-        rotation, growth = np.zeros(len(t)), np.ones(len(t))
-        if self.profile == "deformed":
-            n, distance = self._normals(displacement)
-            rotation, growth = 1 / distance, self.radius / distance
+        n, distance = self._normals(displacement)
+        t, rotation, growth = _turned(n), 1 / distance, self.radius / distance
+        if self.profile != "deformed":
+            growth = 1.0
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
         stiffness = self.shear_penalty_ratio * self.penalty
         without_creep = self.multipliers.shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
@@ -200,7 +199,7 @@ class RollerSurface:
             creep_coupling=coupling,
         )
 
-    def normal_contact(self, displacement: FloatArray) -> ContactForces:
+    def normal_contact(self, displacement: Array) -> ContactForces:
         """Return the contact forces of pressure and sliding friction alone.
 
         Parameters
@@ -209,26 +208,21 @@ class RollerSurface:
             Displacement of the nodes [m].
         """
         ratio = 0.0 if self.rotates else self.friction
+        n, distance = self._normals(displacement)
         if self.profile == "deformed":
-            n, distance = self._normals(displacement)
-            t = _turned(n)
             gap = np.where(n[:, 1] < 0, distance - self.radius, np.inf)  # the upper half of the roller has no contact
-            pressure, direction = self._pressure(gap), n + ratio * t
-            # rotation of the normal as the node moves along the roller
-            stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
-            geometric = (self.weights * pressure / distance)[:, None, None]
-            stiffness -= geometric * (t - ratio * n)[:, :, None] * t[:, None, :]
         else:
             x = self.coordinates[:, 0] - self.position
             circle = x**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - x**2, 0)))
             outside = np.where(np.abs(x) < self.radius, circle, np.inf)
             rise = x**2 / (2 * self.radius) if self.profile == "parabola" else outside
             gap = self.bottom_height + rise - self.coordinates[:, 1] - displacement[:, 1]
-            pressure, direction = (
-                self._pressure(gap),
-                np.stack([np.full_like(x, ratio), np.full_like(x, -1.0)], axis=-1),
-            )
-            stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * np.array([0.0, -1.0])
+        t, pressure = _turned(n), self._pressure(gap)
+        direction = n + ratio * t
+        stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
+        # rotation of the normal as the node moves along the roller
+        geometric = (self.weights * pressure / distance)[:, None, None]
+        stiffness -= geometric * (t - ratio * n)[:, :, None] * t[:, None, :]
         return ContactForces(
             pressure=pressure,
             shear=ratio * pressure,
@@ -237,7 +231,7 @@ class RollerSurface:
             stiffness=stiffness,
         )
 
-    def profile_slope(self) -> FloatArray:
+    def profile_slope(self) -> Array:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
         x = self.coordinates[:, 0] - self.position
         if self.profile == "deformed":
@@ -251,19 +245,21 @@ class RollerSurface:
         x, y = contact.forces.sum(axis=0)
         return float(-y), float(x + np.sum(self.weights * contact.pressure * self.profile_slope()))
 
-    def tangents(self, displacement: FloatArray) -> FloatArray:
+    def tangents(self, displacement: Array) -> Array:
         """Return unit vectors along positive friction at nodes displaced by (n, 2) [m], shape (n, 2)."""
-        if self.profile != "deformed":
-            return np.tile([1.0, 0.0], (len(self.coordinates), 1))
         return _turned(self._normals(displacement)[0])
 
-    def friction_utilisation(self, contact: ContactForces) -> float:
-        """Return the required tangential force over the friction limit [-], 0 without one; it skids from 1 on."""
+    def require_grip(self, contact: ContactForces, place: str = "") -> None:
+        """Require a torque within the friction limit: the creepage of a skidding roller is undetermined."""
         if not self.tangential_force:
-            return 0.0
-        return float(abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure)))
+            return
+        used = abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure))
+        if used >= 1:
+            raise RuntimeError(
+                f"the roller skids{place}: the torque requires {used:.3g} times the friction limit; reduce the torque"
+            )
 
-    def arcs(self, displacement: FloatArray) -> FloatArray:
+    def arcs(self, displacement: Array) -> Array:
         """Return the arcs from the lowest point of the roller to nodes displaced by (n, 2) [m], shape (n,)."""
         x, y = (self.coordinates + displacement).T
         if self.profile != "deformed":
@@ -271,7 +267,12 @@ class RollerSurface:
         return self.radius * np.arctan2(x - self.position, self.bottom_height + self.radius - y)
 
     def _normals(self, displacement):
-        """Return unit vectors from the roller axis to the nodes, and their distances from it."""
+        """Return unit vectors from the roller axis to the nodes, and their distances from it; downwards from infinity.
+
+        The pressure is normal to the roller on the deformed surface alone.
+        """
+        if self.profile != "deformed":
+            return np.tile([0.0, -1.0], (len(displacement), 1)), np.inf
         ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
         distance = np.hypot(*ray.T)
         return ray / distance[:, None], distance

@@ -28,15 +28,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.sparse import csr_matrix
 
-from compact.engines.compaction.finite_strain_solid import (
-    STRAIN_FROM_GRADIENT,
-    FiniteStrainSolid,
-    FloatArray,
-    SolidState,
-)
+from compact.engines.compaction.finite_strain_solid import STRAIN_FROM_GRADIENT, FiniteStrainSolid, SolidState
 from compact.engines.compaction.layer_state import LayerState, fresh_layer, relax_rows
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import BaseCondition
 
@@ -94,7 +90,7 @@ def rolling_mesh(
     return RowMesh(np.tile(x, (len(y), 1)), y)
 
 
-def _growing_distances(length: float, first: float, height: float) -> FloatArray:
+def _growing_distances(length: float, first: float, height: float) -> Array:
     """Distances with geometrically growing differences up to at least `length`."""
     sizes = [first]
     while sum(sizes) < length:
@@ -178,7 +174,7 @@ class RollerFrame:
         self._fed_points = layer.stacked.points
 
     @property
-    def surface_weights(self) -> FloatArray:
+    def surface_weights(self) -> Array:
         """Integration weights of the surface nodes by Simpson's rule [m], shape (n,)."""
         sizes = np.diff(self.mesh.x[-1])
         weights = np.zeros(len(self.surface_nodes))
@@ -197,7 +193,7 @@ class RollerFrame:
         return UNIFORM_BEHIND * self.contact_length + EXIT_DISTANCE * self.mesh.height
 
     @property
-    def row_heights(self) -> FloatArray:
+    def row_heights(self) -> Array:
         """Heights of the fed mix that the rows of Gauss points represent, from the rigid base up [m]."""
         return np.repeat(np.diff(self.mesh.y) / 2, 2)
 
@@ -208,8 +204,13 @@ class RollerFrame:
         return SolidState(np.zeros_like(self.nodes), points, np.zeros(len(self.solid.point_areas)))
 
     def convect(self, state: SolidState) -> SolidState:
-        """Return the state after all mix has moved by one step towards -x."""
-        return self.of_volume(self.interpolated(state))
+        """Return the state after all mix has moved by one step towards -x, with the mass of the fed mix."""
+        state = self.interpolated(state)
+        points, factor = state.points, 1 / (1 + self.mass_residuals(state))
+        ratio, densest = points.density_ratio * factor, points.max_density_ratio
+        kept = _loosened(points) * _loosened(self.initial_state().points)
+        densest = np.maximum(densest * (factor + kept * (1 - factor)), ratio)
+        return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
 
     def density_reset(self, state: SolidState) -> float:
         """Return the largest |ln| of density ratios by volume over interpolated ones in one step of a state [-]."""
@@ -224,37 +225,19 @@ class RollerFrame:
         points = replace(points, stress=points.stress + ahead * (self._elastic_stress(displacement) - smeared))
         return SolidState(displacement, points, self._convect_points(state.work, 0.0))
 
-    def of_volume(self, state: SolidState) -> SolidState:
-        """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
-        points, factor = state.points, 1 / (1 + self.mass_residuals(state))
-        ratio, densest = points.density_ratio * factor, points.max_density_ratio
-        kept = _loosened(points) * self._fed_loosened
-        densest = np.maximum(densest * (factor + kept * (1 - factor)), ratio)
-        return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
-
-    @cached_property
-    def _fed_loosened(self):
-        """Share of the strength of the fed mix that does not follow its density ratio, at the Gauss points."""
-        return _loosened(self.initial_state().points)
-
-    def mass_residuals(self, state: SolidState) -> FloatArray:
+    def mass_residuals(self, state: SolidState) -> Array:
         """Return k J exp(p/K) over that of the fed mix, less 1, at the Gauss points [-], shape (n,)."""
-        before, after = (self.density_under_load(each) for each in (self.initial_state(), state))
+        before, after = (each.points.density_under_load(self.solid.material) for each in (self.initial_state(), state))
         volume = self.solid.volume_ratio(state.displacement)
         if not self.solid.finite:  # whose strains add up
             volume = np.exp(volume - 1)
         return np.asarray(after / before * volume - 1)
 
-    def density_under_load(self, state: SolidState) -> FloatArray:
-        """Return the density ratio with the elastic compression, k exp(p/K), at the Gauss points [-], shape (n,)."""
-        pressure = -state.points.stress[:, :3].mean(axis=1)
-        return np.asarray(state.points.density_ratio * np.exp(pressure / self.solid.material.bulk_modulus))
-
-    def convect_displacement(self, displacement: FloatArray) -> FloatArray:
+    def convect_displacement(self, displacement: Array) -> Array:
         """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
         return np.asarray(self._node_convection @ displacement)
 
-    def interpolation_matrix(self, points: FloatArray) -> csr_matrix:
+    def interpolation_matrix(self, points: Array) -> csr_matrix:
         """Return the matrix from values at the nodes to those at points, shape (n, N).
 
         Parameters
@@ -268,11 +251,11 @@ class RollerFrame:
         places = np.tile(np.arange(len(elements)), len(shapes)), basis.element_dofs[:, elements].ravel()
         return csr_matrix((shapes.ravel(), places), shape=(len(elements), basis.N))
 
-    def to_rows(self, values: FloatArray) -> FloatArray:
+    def to_rows(self, values: Array) -> Array:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
         return values[self._row_layout]
 
-    def to_points(self, rows: FloatArray) -> FloatArray:
+    def to_points(self, rows: Array) -> Array:
         """Return values by rows in the order of the Gauss points; the inverse of `to_rows`."""
         values = np.empty((self._row_layout.size, *rows.shape[2:]))
         values[self._row_layout] = rows
@@ -288,7 +271,7 @@ class RollerFrame:
         """
         column = self._first_uniform_column
 
-        def uniform(values: FloatArray) -> FloatArray:
+        def uniform(values: Array) -> Array:
             rows = self.to_rows(values)
             rows[:, :column] = rows[:, column : column + 1]
             return self.to_points(rows)
@@ -297,7 +280,7 @@ class RollerFrame:
         points.stress[self._row_layout[:, :column].ravel()] *= [1.0, 0.0, 1.0, 0.0]  # equilibrium of a uniform layer
         return SolidState(self.with_uniform_rear_nodes(state.displacement), points, uniform(state.work))
 
-    def with_uniform_rear_nodes(self, values: FloatArray) -> FloatArray:
+    def with_uniform_rear_nodes(self, values: Array) -> Array:
         """Return values of the nodes with those far behind the exit column as in one column, linear in elongated mix.
 
         Parameters
@@ -327,7 +310,7 @@ class RollerFrame:
         behind = np.flatnonzero(x < end)
         return behind, self.interpolation_matrix(np.array([np.full(behind.size, end), y[behind]]))
 
-    def exit_density_ratio(self, density_ratio: FloatArray) -> float:
+    def exit_density_ratio(self, density_ratio: Array) -> float:
         """Return the mean density ratio over the height of the fed layer at the exit column [-].
 
         It is the fed mass over the sum of fed mass/k; the lower lift does not count.
@@ -341,7 +324,7 @@ class RollerFrame:
         exit_ratios = self.to_rows(density_ratio)[self.lower_rows :, self.exit_column]
         return float(mass.sum() / np.sum(mass / exit_ratios))
 
-    def stored_area(self, displacement: FloatArray) -> float:
+    def stored_area(self, displacement: Array) -> float:
         """Return the area of fed mix that is pushed ahead of the exit column [m2].
 
         Mix at X of the fed layer is at X + u. Per row, u more of it than without a roller is ahead of the column; the
@@ -423,10 +406,10 @@ class RollerFrame:
         mirror, points, count = np.array([direction, 1.0]), state.points, self.solid.basis.nelems
         fields = {
             "stress": np.pad(points.stress * [1, 1, 1, direction], ((0, 0), (0, 2))),
-            "pressure": -points.stress[:, :3].mean(axis=1),
+            "pressure": points.pressure,
             "saturation_pressure": self.solid.material.saturation_pressure(points.max_density_ratio),
             "density_ratio": points.density_ratio,
-            "density_under_load": self.density_under_load(state),
+            "density_under_load": points.density_under_load(self.solid.material),
             "plastic_work": points.plastic_work,
         }
         return meshio.Mesh(
@@ -438,28 +421,21 @@ class RollerFrame:
             },
         )
 
-    def layer_bottom(self, displacement: FloatArray, x: float) -> float:
+    def layer_bottom(self, displacement: Array, at: float) -> float:
         """Return the height of the bottom of the fed layer above the rigid base at a position, at rest in x [m].
 
         Parameters
         ----------
         displacement : ndarray, shape (N, 2)
             Displacement of the nodes [m].
-        x : float
-            Current position [m].
+        at : float
+            Current x [m].
         """
         if not self.lower_rows:
             return 0.0
-        nodes = self._interface_nodes
-        current = self.nodes[nodes] + displacement[nodes]
-        return float(np.interp(x, *current.T))
-
-    @cached_property
-    def _interface_nodes(self):
-        """Nodes between lower lift and layer, along x."""
-        x, y = self.nodes.T
-        nodes = np.flatnonzero(np.abs(y - self.lower_height) < SAME_PLACE * self.mesh.height)
-        return nodes[np.argsort(x[nodes])]
+        nodes = np.flatnonzero(np.abs(self.nodes[:, 1] - self.lower_height) < SAME_PLACE * self.mesh.height)
+        x, bottom = (self.nodes[nodes] + displacement[nodes])[np.argsort(self.nodes[nodes, 0])].T
+        return float(np.interp(at, x, bottom))
 
     def _convect_points(self, values, fed):
         """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""
@@ -519,7 +495,7 @@ def laid_state(state: SolidState, frame: RollerFrame, edge: float, side: float) 
     share = np.where(settlement > 0, np.clip(distance * REPOSE_SLOPE / settlement.max(), 0.0, 1.0), 1.0)
     remains = np.interp(frame.solid.point_coordinates[:, 0], frame.surface_x, share)
 
-    def laid(old: FloatArray, new: FloatArray) -> FloatArray:
+    def laid(old: Array, new: Array) -> Array:
         return new + remains.reshape(-1, *(1,) * (old.ndim - 1)) * (old - new)
 
     fed = frame.initial_state()

@@ -18,17 +18,18 @@ that limits shear in a part is therefore carried over from the same place in the
 half of the change at a time, since p' would oscillate from step to step. In steady motion p' = p.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import SUBSTEPS, FloatArray, LinearSolver, SolidState
+from compact.engines.compaction.finite_strain_solid import SUBSTEPS, LinearSolver, SolidState
 from compact.engines.compaction.increment_solver import Equilibrium, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Roller
+from compact.numerics import Array
+from compact.rolling_contact import EquilibriumError, Roller
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
 PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the penalty
@@ -40,7 +41,6 @@ ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
 PARTS = 4  # [-], of a step; see docs/theory/compaction.md for load and resistance with 1 to 8
 MIN_SUBSTEPS = 2  # [-], of the stress integration in a part; 1 leaves a work residual of 0.7 to 1.2 %
-PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
 
 Progress = Callable[[str], None]
 
@@ -143,17 +143,11 @@ class RollingPart:
     """
 
     contact: ContactTractions
-    displacement_change: FloatArray
+    displacement_change: Array
     load: float = 0.0
     resistance: float = 0.0
     slip_resistance: float = 0.0
-    carried_pressure: FloatArray | None = None
-
-    def with_change(self, pressure: FloatArray, displacement: FloatArray) -> "RollingPart":
-        """Return the part with a change of the multiplier pressure [Pa] and of its displacement change [m]."""
-        pressure = np.maximum(self.contact.pressure + pressure, 0.0)
-        contact = ContactTractions(pressure, self.contact.shear, self.contact.creepage)
-        return replace(self, contact=contact, displacement_change=self.displacement_change + displacement)
+    carried_pressure: Array | None = None
 
 
 class IncrementalRolling:
@@ -215,11 +209,6 @@ class IncrementalRolling:
         return self.frame.mesh.height - self.steps[-1].bottom_height
 
     @property
-    def mesh_depth(self) -> float:
-        """Depth for which the mesh is made [m]."""
-        return self.frame.contact_length**2 / (2 * self.surface.radius)
-
-    @property
     def creepage(self) -> float | None:
         """Creepage of a roller that sticks and slips, mean of the parts [-], else None."""
         of_parts = [part.contact.creepage or 0.0 for part in self.parts]
@@ -244,17 +233,18 @@ class IncrementalRolling:
         RuntimeError
             If the step has no equilibrium; the message contains the last step.
         """
-        frame, count, iterations = self.frame, len(self.parts), 0
+        frame, nodes, count, iterations = self.frame, self.frame.surface_nodes, len(self.parts), 0
+        travel = frame.step / count
         heights = np.linspace(self.surface.bottom_height, bottom_height, count + 1)[1:]
         # one element back on the convected mix, then part by part to its new place
         surface, state = self.surface.moved_to(self.surface.bottom_height, -frame.step), frame.convect(self.state)
-        pressures = mean_pressure(self.state)
+        pressures = self.state.points.pressure
         parts: tuple[RollingPart, ...] = ()
         for index, (part, height, position) in enumerate(zip(self.parts, heights, self._positions, strict=True)):
             last = pressures if part.carried_pressure is None else part.carried_pressure
             carried = last if isinstance(frame.solid.material, DruckerPragerCap) else None
             state = replace(state, carried_pressure=carried)
-            moved = surface.with_multipliers(part.contact).begin_increment(state.displacement[frame.surface_nodes])
+            moved = surface.with_multipliers(part.contact).begin_increment(state.displacement[nodes])
             surface = moved.moved_to(float(height), position)
             prediction, fixed = state.displacement + part.displacement_change, frame.solid.fixed_dofs
             prediction.ravel()[fixed] = state.displacement.ravel()[fixed]
@@ -264,35 +254,26 @@ class IncrementalRolling:
             except EquilibriumError:
                 equilibrium = self._solve_in_halves(state, moved, surface)
             self._tangents[index] = self.solver.solve_tangent
-            iterations, pressures = iterations + equilibrium.iterations, mean_pressure(equilibrium.state)
-            parts += (self._part(state, surface, equilibrium, carried, pressures),)
-            state, surface = equilibrium.state, surface.with_multipliers(equilibrium.contact)
+            iterations, pressures = iterations + equilibrium.iterations, equilibrium.state.points.pressure
+            contact, after = equilibrium.contact, equilibrium.state.displacement
+            change = after - state.displacement
+            # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
+            slip = np.sum(surface.tangents(after[nodes]) * ([travel, 0.0] - change[nodes]), axis=1) / travel
+            if carried is not None:
+                carried = carried + CARRIED_SHARE * (pressures - carried)
+            forces = *surface.load_and_resistance(contact), float(np.sum(surface.weights * contact.shear * slip))
+            parts += (RollingPart(contact, change, *forces, carried),)
+            state, surface = equilibrium.state, surface.with_multipliers(contact)
 
         self.state, self.contact, self.surface, self.parts = state, equilibrium.contact, surface, parts
         return self._record(iterations, equilibrium.residual)
-
-    def _part(
-        self,
-        before: SolidState,
-        surface: RollerSurface,
-        equilibrium: Equilibrium,
-        carried: FloatArray | None,
-        pressures: FloatArray,
-    ) -> RollingPart:
-        """Return the record of a part."""
-        contact, nodes, after = equilibrium.contact, self.frame.surface_nodes, equilibrium.state.displacement
-        change, travel = after - before.displacement, self.frame.step / len(self.parts)
-        # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
-        slip = np.sum(surface.tangents(after[nodes]) * ([travel, 0.0] - change[nodes]), axis=1) / travel
-        if carried is not None:
-            carried = carried + CARRIED_SHARE * (pressures - carried)
-        forces = surface.load_and_resistance(contact)
-        return RollingPart(contact, change, *forces, float(np.sum(surface.weights * contact.shear * slip)), carried)
 
     def _record(self, iterations: int, residual: float) -> RollingStep:
         """Add the record of the present step."""
         frame, parts = self.frame, self.parts
         load, resistance, slip = np.mean([[part.load, part.resistance, part.slip_resistance] for part in parts], axis=0)
+        x, y = self.surface_positions.T
+        rise = y - frame.mesh.height
         step = RollingStep(
             travel=(self.steps[-1].travel if self.steps else 0.0) + frame.step,
             bottom_height=self.surface.bottom_height,
@@ -300,11 +281,11 @@ class IncrementalRolling:
             resistance=float(resistance),
             slip_resistance=float(slip),
             exit_density_ratio=frame.exit_density_ratio(self.state.points.density_ratio),
-            peak_pressure=float(self.surface_pressure.max()),
+            peak_pressure=float(self.surface_traction(self.contact.pressure).max()),
             iterations=iterations,
             residual=residual,
-            bow_wave=float(self.surface_positions[:, 1].max() - frame.mesh.height),
-            wave_area=self.wave_area,
+            bow_wave=float(y.max() - frame.mesh.height),
+            wave_area=float(np.trapezoid(np.where(x > 0, np.maximum(rise, 0.0), 0.0), x)),
             stored_area=frame.stored_area(self.state.displacement),
         )
         self.steps += (step,)
@@ -325,9 +306,7 @@ class IncrementalRolling:
             try:
                 for share in np.arange(1, pieces + 1) / pieces:
                     moved = moved.begin_increment(state.displacement[nodes])
-                    moved = moved.moved_to(
-                        *(float(ends[0] + (ends[1] - ends[0]) * share) for ends in (heights, positions))
-                    )
+                    moved = moved.moved_to(*(float(low + (high - low) * share) for low, high in (heights, positions)))
                     equilibrium = self.solver.solve(state, moved, state.displacement)
                     state, iterations = equilibrium.state, iterations + equilibrium.iterations
                 return replace(equilibrium, iterations=iterations)
@@ -338,7 +317,7 @@ class IncrementalRolling:
         raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
     @property
-    def _positions(self) -> FloatArray:
+    def _positions(self) -> Array:
         """Positions of the roller at the ends of the parts of a step [m]."""
         return self.frame.step * np.arange(1 - len(self.parts), 1) / len(self.parts)
 
@@ -368,53 +347,29 @@ class IncrementalRolling:
             RollingPart(part.contact.at(x - position, nodes - place), change)
             for part, position, place in zip(known, self._positions, places, strict=True)
         )
-        self.restart(state, tuple(parts))
+        self.restart(state, parts)
 
-    def restart(self, state: SolidState, parts: tuple[RollingPart, ...]) -> None:
+    def restart(self, state: SolidState, parts: Iterable[RollingPart]) -> None:
         """Continue from a changed state, and from parts whose carried pressure no longer counts."""
         self.state, self.parts = state, tuple(replace(part, carried_pressure=None) for part in parts)
-
-    def change_by(self, state: SolidState, pressure: FloatArray, displacement: FloatArray) -> None:
-        """Continue from a state after a jump.
-
-        Parameters
-        ----------
-        state : SolidState
-            State after the jump.
-        pressure : ndarray, shape (n,)
-            Change of the multiplier pressure [Pa].
-        displacement : ndarray, shape (N, 2)
-            Change of the displacement [m]. The prediction of the next step follows it ahead of the roller alone; behind
-            it contains marks, which move with the mix.
-        """
-        share = np.clip(self.frame.nodes[:, :1] / (PREDICTION_TAPER * self.frame.contact_length), 0.0, 1.0)
-        change = share * (displacement - self.frame.convect_displacement(displacement)) / len(self.parts)
-        self.restart(state, tuple(part.with_change(pressure, change) for part in self.parts))
 
     def remove_marks_behind(self) -> None:
         """Make the layer uniform behind the exit column, where the start and changes of the depth left marks."""
         uniform = self.frame.with_uniform_rear_nodes
         parts = (replace(part, displacement_change=uniform(part.displacement_change)) for part in self.parts)
-        self.restart(self.frame.with_uniform_rear(self.state), tuple(parts))
+        self.restart(self.frame.with_uniform_rear(self.state), parts)
 
     @property
-    def surface_positions(self) -> FloatArray:
+    def surface_positions(self) -> Array:
         """Current positions of the surface nodes [m], shape (n, 2)."""
         nodes = self.frame.surface_nodes
         return self.frame.nodes[nodes] + self.state.displacement[nodes]
 
-    @property
-    def surface_pressure(self) -> FloatArray:
-        """Pressure on the deformed surface [Pa], shape (n,)."""
-        return self._surface_traction(self.contact.pressure)
+    def surface_traction(self, nodal: Array) -> Array:
+        """Return a traction on the deformed surface [Pa] from that of the nodes, shape (n,).
 
-    @property
-    def surface_shear(self) -> FloatArray:
-        """Shear traction on the deformed surface [Pa], + along the travel, shape (n,)."""
-        return self._surface_traction(self.contact.shear)
-
-    def _surface_traction(self, nodal: FloatArray) -> FloatArray:
-        """Return a traction on the deformed surface, linear between corners; midside nodes oscillate about it."""
+        It is linear between corners; midside nodes oscillate about it.
+        """
         forces, x = self.surface.weights * nodal, self.frame.surface_x
         corner_forces = forces[::2].copy()
         corner_forces[:-1] += forces[1::2] / 2
@@ -423,25 +378,3 @@ class IncrementalRolling:
         if self.surface.profile != "deformed":
             return traction
         return traction / np.hypot(*(np.gradient(part, x) for part in self.surface_positions.T))
-
-    @property
-    def wave_area(self) -> float:
-        """Area between the risen surface ahead of the roller and the fed layer [m2]."""
-        x, y = self.surface_positions.T
-        return float(np.trapezoid(np.where(x > 0, np.maximum(y - self.frame.mesh.height, 0.0), 0.0), x))
-
-    def heaping_error(self, wave: str) -> HeapingError:
-        """Return the error of a bow wave that has no steady state, with a clause about the wave."""
-        step = self.steps[-1]
-        edge = np.clip((self.depth + step.bow_wave) / self.surface.radius, 0.0, 2.0)
-        heaping = Heaping(self.depth, float(np.arccos(1 - edge)), step.bow_wave, step.travel)
-        return HeapingError(
-            f"the mix heaps up in front of the roller at depth {1e3 * self.depth:.4g} mm: after {step.travel:.3g} m of "
-            f"travel the bow wave {wave}; {step}",
-            heaping,
-        )
-
-
-def mean_pressure(state: SolidState) -> FloatArray:
-    """Return the mean pressures of the Gauss points [Pa], shape (n,)."""
-    return np.asarray(-state.points.stress[:, :3].mean(axis=1))

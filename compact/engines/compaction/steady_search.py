@@ -20,21 +20,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
-from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE, IncrementalRolling
-from compact.engines.compaction.rolling_case import RollingCase
-from compact.engines.compaction.steady_state import (
-    QUANTITIES,
-    WAVE_EXPONENT,
-    BowWaveMode,
-    ErrorParts,
-    Relaxation,
-    SteadyErrors,
-    WaveDrift,
-)
-from compact.rolling_contact import EquilibriumError, HeapingError, Unsteady, UnsteadyError
+from compact.engines.compaction.rolling_case import DepthSecant, DepthTarget, RollingCase
+from compact.engines.compaction.steady_state import QUANTITIES, BowWaveMode, ErrorParts, Relaxation, WaveDrift
+from compact.numerics import Array
+from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError, resistance_scale
 
 # chosen by halving and doubling each on random lifts, see docs/theory/compaction.md; lengths over the contact length
 SETTLING, CYCLE = 2.0, 1.0  # [-], travel after a change and in a cycle
@@ -60,7 +51,8 @@ EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
 DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
-MIN_ERROR_SCALE = 1e-3  # [-], least scale of the error of the resistance over the load
+WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
+MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 
 
 @dataclass
@@ -77,10 +69,10 @@ class SteadySearch:
         Roller at rest or in any state; replaced where the mesh is stretched.
     depth : float
         First depth [m].
-    tolerance : float
-        Largest estimated distance from the steady state [-].
-    target_tolerance : float
-        Tolerance of the logarithm of the prescribed quantity [-].
+    leeway : float
+        Tolerance of the prescribed quantity over that of the result [-].
+    coarse : SteadySearch, optional
+        Search on the mesh before, from whose state this one starts.
     relaxation : Relaxation
         Slow relaxation of the bow wave.
     known_factor : float
@@ -88,12 +80,12 @@ class SteadySearch:
 
     Attributes
     ----------
-    coarse : SteadySearch or None
-        Search on the mesh before.
     values : ndarray, shape (4,)
         `QUANTITIES` in the steady state.
-    errors : SteadyErrors
-        Distance from it.
+    drift, start : ndarray, shape (4,)
+        Distances from it: along the slow mode, and scatter with the transient that is not part of the mode.
+    distance : float
+        Their largest sum, of load and resistance over their own, the latter not too small, and of the density [-].
     is_steady : bool
         True if the motion is steady.
     """
@@ -102,13 +94,14 @@ class SteadySearch:
     target: DepthTarget
     rolling: IncrementalRolling
     depth: float
-    tolerance: float
-    target_tolerance: float
+    leeway: float = 1.0
+    coarse: "SteadySearch | None" = None
     relaxation: Relaxation = field(default_factory=Relaxation)
     known_factor: float = 1.0
-    coarse: "SteadySearch | None" = field(default=None, init=False)
-    values: FloatArray = field(init=False)
-    errors: SteadyErrors = field(init=False)
+    values: Array = field(default_factory=lambda: np.zeros(len(QUANTITIES)), init=False)
+    drift: Array = field(init=False)
+    start: Array = field(init=False)
+    distance: float = field(default=np.inf, init=False)
     is_steady: bool = field(default=False, init=False)
     _miss: float = field(default=0.0, init=False)
     _missed: str = field(default="", init=False)
@@ -119,8 +112,13 @@ class SteadySearch:
     _waves: tuple[WaveDrift, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        unknown = np.full(len(QUANTITIES), np.inf)
-        self.values, self.errors = np.zeros(len(QUANTITIES)), SteadyErrors(unknown, unknown, np.ones(len(QUANTITIES)))
+        self.tolerance = self.case.numerics.steady_tolerance
+        self.target_tolerance = self.leeway * self.target.tolerance(self.elements)
+        coarse, new = self.coarse, self.rolling
+        if coarse is not None:
+            self.rolling, self.relaxation = coarse.rolling, coarse.relaxation
+            self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
+            self._continue_on(new)
 
     @property
     def elements(self) -> float:
@@ -148,19 +146,12 @@ class SteadySearch:
             return 0.0
         return float(1 - coarse.values_at(self.depth)[0] / self.values[0])
 
-    def values_at(self, depth: float) -> FloatArray:
+    def values_at(self, depth: float) -> Array:
         """Return load, resistance and peak pressure scaled to a near depth [m], as part of `QUANTITIES`."""
         exponents = DEPTH_EXPONENTS.copy()
         if self._depth_exponent is not None and self.target.quantity in ("load", "peak_pressure"):  # measured
             exponents[QUANTITIES.index(self.target.quantity)] = self._depth_exponent
         return np.asarray(self.values * (depth / self.depth) ** exponents)
-
-    def start_from(self, coarse: "SteadySearch") -> None:
-        """Start from the steady state on a coarser mesh."""
-        new, self.coarse = self.rolling, coarse
-        self.rolling, self.relaxation = coarse.rolling, coarse.relaxation
-        self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
-        self._continue_on(new)
 
     def _continue_on(self, new: IncrementalRolling) -> None:
         """Continue from the present state on another mesh."""
@@ -202,23 +193,23 @@ class SteadySearch:
             depth, is_met = self.depth, False
             if secant.is_measured:  # at a depth that a measured value has corrected
                 is_met = True
-            elif self.errors.total < NEAR * accepted:
+            elif self.distance < NEAR * accepted:
                 corrected = secant.next_depth(depth, self._target_value(), self._target_factor)
                 self._depth_exponent, is_met = secant.slope, abs(secant.last_miss) < self.target_tolerance
                 depth = depth if is_met else corrected
-            if is_met and self.errors.total < accepted:
+            if is_met and self.distance < accepted:
                 value = self._finish(jump)
                 depth, jump = secant.measured_depth(self.depth, value, self._target_factor), 0.0
                 self._miss = secant.last_miss
                 if abs(self._miss) < self.target_tolerance:
                     self.is_steady = True
                     return
-            self.rolling.solver.tolerance = min(RESIDUAL_SHARE * max(self.errors.total, self.tolerance), MAX_RESIDUAL)
+            self.rolling.solver.tolerance = min(RESIDUAL_SHARE * max(self.distance, self.tolerance), MAX_RESIDUAL)
             if jump or depth != self.depth:
                 self._correct(depth, jump)
         self._miss = secant.last_miss
         self._missed = secant.failure() if abs(self._miss) > MAX_MISS * self.target_tolerance else ""
-        self.is_steady = self.errors.total < MAX_DISTANCE
+        self.is_steady = self.distance < MAX_DISTANCE
         if not self.is_steady and self._is_endless():
             raise self._heaping_error("still grows, without slowing down")
         self._advance_exactly()
@@ -279,8 +270,10 @@ class SteadySearch:
             jump = 0.0
         self.values = drift.values + slopes * jump
         transient = self._length * np.abs(drift.slopes - slopes * drift.wave_slope)
-        start = np.abs(slopes) * scatter + transient
-        self.errors = SteadyErrors(LENGTH_ERROR * np.abs(slopes * jump), start, drift.values)
+        self.drift, self.start = LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient
+        load, resistance = np.abs(drift.values[:2])
+        scales = [load, max(resistance, MIN_RESISTANCE * load), 1.0]
+        self.distance = float(((self.drift + self.start)[:3] / scales).max())
         return jump
 
     def _is_unslowed(self, grown: float) -> bool:
@@ -301,9 +294,15 @@ class SteadySearch:
         return self._is_unslowed(1.0) or (grows and not self._is_low(self._waves[-1]))
 
     def _heaping_error(self, wave: str) -> HeapingError:
-        """Return the error of a wave without end, with the share of the feed that it takes up."""
-        share = 100 * self._waves[-1].growth / self.rolling.frame.mesh.height
-        return self.rolling.heaping_error(f"{wave}, and takes up {share:.2g} % of the feed")
+        """Return the error of a wave without end, with a clause about it, and the share of the feed in it."""
+        rolling, step, depth = self.rolling, self.rolling.steps[-1], self.rolling.depth
+        share = 100 * self._waves[-1].growth / rolling.frame.mesh.height
+        edge = np.clip((depth + step.bow_wave) / rolling.surface.radius, 0.0, 2.0)
+        return HeapingError(
+            f"the mix heaps up in front of the roller at depth {1e3 * depth:.4g} mm: after {step.travel:.3g} m of "
+            f"travel the bow wave {wave}, and takes up {share:.2g} % of the feed; {step}",
+            Heaping(depth, float(np.arccos(1 - edge)), step.bow_wave, step.travel),
+        )
 
     def require_steady(self) -> None:
         """Require a steady motion on the target.
@@ -320,7 +319,7 @@ class SteadySearch:
             if self._missed:
                 raise RuntimeError(self._missed)
             return
-        step, distance = self.rolling.steps[-1], min(max(self.errors.total, change), 1.0)
+        step, distance = self.rolling.steps[-1], min(max(self.distance, change), 1.0)
         message = (
             f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel, and not decided "
             f"whether it becomes so: estimated distance {100 * distance:.3g} % of load, resistance or exit density; "
@@ -378,7 +377,7 @@ class SteadySearch:
             return density
         if quantity == "indentation":
             return self.depth
-        return last.load if quantity == "load" else last.peak_pressure
+        return float(getattr(last, quantity))
 
     def _advance_exactly(self) -> None:
         """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
@@ -436,7 +435,8 @@ class SteadySearch:
 
     def _fit_mesh(self, is_similar: bool) -> None:
         """Fit the mesh to a depth that differs much from its own, with a similar or the same state, and the rate."""
-        stretching = self.depth / self.rolling.mesh_depth
+        length = self.rolling.frame.contact_length
+        stretching = self.depth / (length**2 / (2 * self.rolling.surface.radius))
         if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
             if is_similar:
                 self.rolling = self.case.stretched(self.rolling, self.depth)
@@ -450,10 +450,11 @@ class SteadySearch:
 
         The extrapolated load has the errors of both meshes, times their weights in it.
         """
-        parts = [self.errors.drift[:2] / self._error_scales, self.errors.start[:2] / self._error_scales]
+        load, resistance = np.abs(self.values[:2]).tolist()
+        parts = [each[:2] / [load, resistance_scale(resistance, load)] for each in (self.drift, self.start)]
         if self.coarse is not None and self.load_factor != 1:
             weight, coarse = 1 / (self.increments / self.coarse.increments - 1), self.coarse
-            for part, of_coarse in zip(parts, (coarse.errors.drift, coarse.errors.start), strict=True):
+            for part, of_coarse in zip(parts, (coarse.drift, coarse.start), strict=True):
                 part[0] = np.hypot((1 + weight) * part[0], weight * of_coarse[0] / coarse.values[0])
         parts[1] += DEPTH_EXPONENTS[:2] * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth
         if self.target.quantity == "load":  # the depth takes over the error of the load
@@ -461,9 +462,3 @@ class SteadySearch:
                 part[:] = 0.0, part[1] + DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0] * part[0]
         drift, start = ((float(part[0]), float(part[1])) for part in parts)
         return ErrorParts(mesh, drift, start)
-
-    @property
-    def _error_scales(self) -> FloatArray:
-        """Load and resistance, the latter not too small, as scales of their errors [N/m], shape (2,)."""
-        load, resistance = np.abs(self.values[:2])
-        return np.array([load, max(resistance, MIN_ERROR_SCALE * load)])

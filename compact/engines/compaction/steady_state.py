@@ -20,14 +20,16 @@ from typing import Self
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
+from compact.engines.compaction.finite_strain_solid import SolidState
+from compact.engines.compaction.roller_contact import ContactTractions
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
+from compact.numerics import Array
 
-MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
+PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
 MAX_CORRELATION = 0.9  # [-], of deviations from a line; a few steps do not show more
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
-LENGTH_EXPONENT, WAVE_EXPONENT = 2.0, 3.4  # [-], of relaxation length and area of the wave over the depth, roughly
+LENGTH_EXPONENT = 2.0  # [-], of the relaxation length over the depth, roughly
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +54,9 @@ class WaveDrift:
     wave_slope: float
     wave_error: float
     growth: float
-    values: FloatArray
-    slopes: FloatArray
-    scatter: FloatArray
+    values: Array
+    slopes: Array
+    scatter: Array
 
     @classmethod
     def of_steps(cls, steps: Sequence[RollingStep]) -> Self:
@@ -91,19 +93,16 @@ class BowWaveMode:
     """
 
     state: SolidState
-    pressure: FloatArray
+    pressure: Array
     wave_area: float
-    slopes: FloatArray
+    slopes: Array
 
     @classmethod
-    def between(cls, first: IncrementalRolling, second: IncrementalRolling, slopes: FloatArray) -> Self:
+    def between(cls, first: IncrementalRolling, second: IncrementalRolling, slopes: Array) -> Self:
         """Return the mode from one settled state to another on the same mesh."""
         a, b = first.state, second.state
-        difference = SolidState(
-            b.displacement - a.displacement,
-            b.points.map(np.subtract, a.points),
-            b.work - a.work,
-        )
+        points = b.points.map(np.subtract, a.points)
+        difference = SolidState(b.displacement - a.displacement, points, b.work - a.work)
         area = second.steps[-1].wave_area - first.steps[-1].wave_area
         return cls(difference, second.contact.pressure - first.contact.pressure, area, slopes)
 
@@ -113,7 +112,10 @@ class BowWaveMode:
         return replace(self, state=state, pressure=np.interp(new.frame.surface_x, old.frame.surface_x, self.pressure))
 
     def add_to(self, rolling: IncrementalRolling, wave_area: float) -> None:
-        """Change the state of a roller along the mode.
+        """Change the state of a roller along the mode, and the pressure of its multipliers.
+
+        The prediction of the next step follows the change of the displacement ahead of the roller alone; behind it
+        contains marks, which move with the mix.
 
         Parameters
         ----------
@@ -128,7 +130,15 @@ class BowWaveMode:
         points = replace(points, max_density_ratio=densest, plastic_work=np.maximum(plastic_work, 0.0))
         change = factor * self.state.displacement
         moved = SolidState(state.displacement + change, points, state.work + factor * self.state.work)
-        rolling.change_by(moved, factor * self.pressure, change)
+        frame = rolling.frame
+        share = np.clip(frame.nodes[:, :1] / (PREDICTION_TAPER * frame.contact_length), 0.0, 1.0)
+        predicted = share * (change - frame.convect_displacement(change)) / len(rolling.parts)
+        parts = []
+        for part in rolling.parts:
+            pressure = np.maximum(part.contact.pressure + factor * self.pressure, 0.0)
+            contact = ContactTractions(pressure, part.contact.shear, part.contact.creepage)
+            parts.append(replace(part, contact=contact, displacement_change=part.displacement_change + predicted))
+        rolling.restart(moved, parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,32 +159,6 @@ class Relaxation:
     def at_depth(self, ratio: float) -> Self:
         """Return the relaxation at a depth that differs by a ratio [-]."""
         return self if self.length is None else replace(self, length=self.length * ratio**LENGTH_EXPONENT)
-
-
-@dataclass(frozen=True, eq=False)
-class SteadyErrors:
-    """Estimated distance of a state from the steady state, in the units of `QUANTITIES`.
-
-    Parameters
-    ----------
-    drift : ndarray, shape (4,)
-        Distance along the slow mode.
-    start : ndarray, shape (4,)
-        Scatter, and the transient that is not part of the mode.
-    scale : ndarray, shape (4,)
-        `QUANTITIES` of the state.
-    """
-
-    drift: FloatArray
-    start: FloatArray
-    scale: FloatArray
-
-    @property
-    def total(self) -> float:
-        """Largest sum of both, of load and resistance over their own, the latter not too small, and of the density."""
-        load, resistance = np.abs(self.scale[:2])
-        scales = [load, max(resistance, MIN_RESISTANCE * load), 1.0]
-        return float(((self.drift + self.start)[:3] / scales).max())
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,15 @@ Friction of a turning roller is limited by the total pressure.
 
 from copy import copy
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.depth_target import DepthTarget
 from compact.engines.compaction.engine import CompactionContactResult
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement
 from compact.engines.compaction.increment_solver import IncrementSolver
 from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, RollingStep
-from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
+from compact.engines.compaction.rolling_case import DepthTarget, RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import Relaxation
 from compact.engines.pore_air import AirForces
@@ -90,30 +88,22 @@ def roll_coupled(
     """
     depth = contact.indentation
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
-    target = DepthTarget(contact.layer, roller, contact.material, None, contact.solution.frame.inflow)
-    case = RollingCase(
-        contact.layer, roller, contact.material, contact.speed, None, contact.solution.frame.inflow, RollingNumerics()
-    )
-    search = SteadySearch(
-        case,
-        target,
-        CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
-        depth,
-        tolerance=steady_tolerance,
-        target_tolerance=1.0,  # a depth is prescribed
-        relaxation=contact.relaxation if start is None else start.relaxation,
-    )
+    numerics, fed_layer = RollingNumerics(steady_tolerance=steady_tolerance), contact.solution.frame.inflow
+    case = RollingCase(contact.layer, roller, contact.material, contact.speed, None, fed_layer, numerics)
+    rolling = CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed))
+    relaxation = contact.relaxation if start is None else start.relaxation
+    search = SteadySearch(case, DepthTarget(case), rolling, depth, relaxation=relaxation)
     with threadpool_limits(1):
         search.run()
     search.require_steady()
-    rolling = search.rolling
-    assert isinstance(rolling, CoupledRolling)  # copies of it
-    step, of_air = rolling.steps[-1], RollerAir(rolling, air)
+    found = search.rolling
+    assert isinstance(found, CoupledRolling)  # a copy of it
+    step, of_air = found.steps[-1], RollerAir(found, air)
     pressure = of_air.pressure(speed)
     load = step.load - contact.load / contact.load_factor  # on the same mesh
     resistance = float(np.sign(speed)) * step.resistance - contact.resistance
     changes = AirForces(load, resistance, of_air.forces(pressure).excess_behind)
-    return CoupledContact(changes, pressure, rolling, search.relaxation)
+    return CoupledContact(changes, pressure, found, search.relaxation)
 
 
 class CoupledRolling(IncrementalRolling):
@@ -137,7 +127,7 @@ class CoupledRolling(IncrementalRolling):
     def __init__(self, other: IncrementalRolling, air: PoreAir, speed: float) -> None:
         self.__dict__.update(other.__dict__)
         self.frame = copy(other.frame)
-        self.frame.solid = AirLoadedSolid(other.frame.solid)
+        self.frame.solid = copy(other.frame.solid)
         self.solver = IncrementSolver(self.frame.solid, self.frame.surface_nodes, other.solver.tolerance)
         self.air, self.speed = air, speed
         if not isinstance(other, CoupledRolling):
@@ -148,50 +138,19 @@ class CoupledRolling(IncrementalRolling):
 
         Parameters and result are those of the base class.
         """
-        solid = self.frame.solid
-        assert isinstance(solid, AirLoadedSolid)
-        solid.set_excess(self.excess, self.state.displacement)
+        self.frame.solid.air_forces = self._air_forces()
         step = super().advance(bottom_height, damping)
         of_air = RollerAir(self, self.air)
         self.excess = self.excess + RELAXATION * (of_air.at_points(of_air.pressure(self.speed)) - self.excess)
         return step
 
-
-class AirLoadedSolid(FiniteStrainSolid):
-    """Finite elements of a layer whose internal forces are those of the total stress.
-
-    Parameters
-    ----------
-    solid : FiniteStrainSolid
-        Finite elements of the skeleton.
-    """
-
-    def __init__(self, solid: FiniteStrainSolid) -> None:
-        self.__dict__.update(solid.__dict__)
-        self.air_forces = np.zeros(self.element_dofs.shape)
-
-    def set_excess(self, excess: Array, displacement: Array) -> None:
-        """Set the nodal forces of the air.
-
-        Parameters
-        ----------
-        excess : ndarray, shape (n,)
-            Excess pressure at the Gauss points [Pa].
-        displacement : ndarray
-            Displacement of the nodes on which it acts [m].
-        """
-        xx, xy, yx, yy = (self.displacement_gradient(displacement) + np.array([1.0, 0, 0, 1.0])).T
+    def _air_forces(self) -> Array:
+        """Nodal forces of the excess pressure on the present displacement [N/m], shape (elements, 16)."""
+        solid = self.frame.solid
+        xx, xy, yx, yy = (solid.displacement_gradient(self.state.displacement) + np.array([1.0, 0, 0, 1.0])).T
         # J F^-T of the points, by the components of the force and of the gradient
-        cofactor = np.array([[yy, -yx], [-xy, xx]]).transpose(2, 0, 1) if self.finite else np.eye(2)[None]
-        weighted = (excess * self.point_areas)[:, None, None] * cofactor
-        gradients = self.shape_gradients
-        weighted = weighted.reshape(*gradients.shape[:2], 2, 2)
-        self.air_forces = np.einsum("epij,epaj->eai", weighted, gradients).reshape(self.element_dofs.shape)
-
-    def increment(self, *given: Any, **options: Any) -> SolidIncrement:
-        """Integrate the stresses from a state to a displacement, with the forces of the air.
-
-        Parameters and result are those of the base class.
-        """
-        found = super().increment(*given, **options)
-        return replace(found, element_forces=found.element_forces - self.air_forces)
+        cofactor = np.array([[yy, -yx], [-xy, xx]]).transpose(2, 0, 1) if solid.finite else np.eye(2)[None]
+        weighted = (self.excess * solid.point_areas)[:, None, None] * cofactor
+        weighted = weighted.reshape(*solid.shape_gradients.shape[:2], 2, 2)
+        forces = np.einsum("epij,epaj->eai", weighted, solid.shape_gradients)
+        return np.asarray(forces.reshape(solid.element_dofs.shape))
