@@ -114,8 +114,8 @@ class Layer:
         total = sum(ply.thickness for ply in self.plies)
         rule = f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got"
         require_that(not self.plies or abs(total - self.height) <= HEIGHT_TOLERANCE * self.height, total, rule)
-        count = len(self.plies)
-        require_that(not count or self.lower_lift is None, count, "a layer with a `lower_lift` has no `plies`, got")
+        alone = not self.plies or self.lower_lift is None
+        require_that(alone, len(self.plies), "a layer with a `lower_lift` has no `plies`, got")
 
     @cached_property
     def stack(self) -> tuple[Ply, ...]:
@@ -292,14 +292,14 @@ def require_target_reached(
 
 
 def require_on_target(
-    result: "Contact",
+    result: "Rolled",
     roller: Roller,
     tolerance: float,
     *,
     exit_density_ratio: float | None = None,
     torque: tuple[float, float] | None = None,
-) -> None:
-    """Require a contact to have the prescribed quantities; every engine calls this before it returns.
+) -> "Rolled":
+    """Return a contact, required to have the prescribed quantities; every engine calls this before it returns.
 
     An exit density ratio [-] is prescribed in place of the target of the roller. The tolerance [-] of prescribed and
     reached torque [N] is relative to the largest torque of friction.
@@ -308,6 +308,7 @@ def require_on_target(
     require_target_reached(name, prescribed, getattr(result, name), tolerance)
     if torque is not None:
         require_target_reached("torque", *torque, tolerance, roller.friction * result.load * roller.radius)
+    return result
 
 
 @dataclass(frozen=True)
@@ -550,20 +551,14 @@ class Contact:
 
     def to_json(self) -> dict[str, Any]:
         """Return nested dictionaries with "value", "unit" and, where there is one, "error", as in summary.json."""
-        content: dict[str, Any] = {"engine": self.engine} | {name: self._with_unit(name) for name in COMMON}
-        for name, error in zip(("load", "resistance"), self.error or (None, None), strict=True):
-            content[name]["error"] = error
+        values = {name: getattr(self, name) for name in (*COMMON, *COMPACTED)}
+        content: dict[str, Any] = {"engine": self.engine} | {name: _with_unit(name, values) for name in COMMON}
+        content["load"]["error"], content["resistance"]["error"] = self.error or (None, None)
         content["iterations"] = self.iterations
-        content |= {name: self._with_unit(name) for name in COMPACTED if getattr(self, name) is not None}
+        content |= {name: _with_unit(name, values) for name in COMPACTED if values[name] is not None}
         if self.passes:
-            content["passes"] = [
-                {name: {"value": value, "unit": CONTACT[name].unit} for name, value in each.items()}
-                for each in self.passes
-            ]
+            content["passes"] = [{name: _with_unit(name, each) for name in each} for each in self.passes]
         return content
-
-    def _with_unit(self, name: str) -> dict[str, Any]:
-        return {"value": getattr(self, name), "unit": CONTACT[name].unit}
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> Self:
@@ -584,8 +579,11 @@ class Contact:
         )  # fmt: skip
 
 
-ContactResult = Contact  # public name
+def _with_unit(name, values):
+    return {"value": values[name], "unit": CONTACT[name].unit}
 
+
+ContactResult = Contact  # public name
 Rolled = TypeVar("Rolled", bound=Contact)
 
 

@@ -23,6 +23,7 @@ from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
+    require_inside,
     require_instance,
     require_nonnegative,
     require_positive,
@@ -71,7 +72,7 @@ def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exp
     """
     require_positive(pressure=pressure, youngs_modulus=youngs_modulus)
     require_between(0, 0.5, poisson=poisson)
-    _require_exponent(exponent)
+    require_inside(0, 1, exponent=exponent)
     alpha, E = np.asarray(exponent), np.asarray(youngs_modulus)
     shape = np.exp((1 - alpha) * np.log(alpha) + (1 + alpha) * np.log1p(-alpha))
     sine = 7.53 * (1 - np.square(poisson)) * shape * (pressure / E)
@@ -123,7 +124,7 @@ def roller_force(
     require_positive(youngs_modulus=youngs_modulus, radius=radius, length=length, nonuniformity=nonuniformity)
     require_between(0, 0.5, poisson=poisson)
     _require_capture_angle(capture_angle)
-    _require_exponent(exponent)
+    require_inside(0, 1, exponent=exponent)
     alpha = np.asarray(exponent)
     rest = 1 - alpha
     denominator = 20.32 * (1 - np.square(poisson)) * (rest * rest * rest) * (1 if one_sided else alpha)
@@ -188,7 +189,7 @@ def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> V
     """
     _require_capture_angle(capture_angle)
     require_positive(radius=radius)
-    _require_exponent(exponent)
+    require_inside(0, 1, exponent=exponent)
     return radius * np.sin(capture_angle) / (1 - np.asarray(exponent))
 
 
@@ -222,7 +223,7 @@ def roller_resistance(
     """
     require_nonnegative(force=force, friction=friction)
     require_positive(contact_length=contact_length, radius=radius)
-    _require_exponent(exponent)
+    require_inside(0, 1, exponent=exponent)
     arm = np.asarray(contact_length) * (1 - 2 * np.asarray(exponent)) / 3
     return np.asarray(force) * (arm / radius + friction)
 
@@ -305,14 +306,7 @@ def roll(
     resistance, shear = float(roller_resistance(load, length, R, alpha, rolling_friction)), -roller.friction * samples
     own = {"capture_angle": phi, "exponent": alpha}
     along = Contact(load, resistance, leading, leading - length, ahead, samples, shear, peak_pressure=pressure, own=own)
-    result = rolling_contact.for_travel(along, speed)
-    rolling_contact.require_on_target(result, roller, TARGET_TOLERANCE)
-    return result
-
-
-def _require_exponent(exponent: Values) -> None:
-    inside = (np.asarray(exponent) > 0) & (np.asarray(exponent) < 1)
-    require_that(inside, exponent, "`exponent` must lie between 0 and 1, got")
+    return rolling_contact.require_on_target(rolling_contact.for_travel(along, speed), roller, TARGET_TOLERANCE)
 
 
 def _require_capture_angle(capture_angle: Values) -> None:

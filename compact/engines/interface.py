@@ -18,15 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from compact.numerics.validation import require_known
-from compact.rolling_contact import (
-    BaseCondition,
-    Contact,
-    GapGeometry,
-    Layer,
-    Roller,
-    RollerCondition,
-    require_moving,
-)
+from compact.rolling_contact import BaseCondition, Contact, GapGeometry, Layer, Roller, RollerCondition, require_moving
 
 if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
@@ -159,7 +151,7 @@ class Case:
     numerics: Mapping[str, Any] = field(default_factory=dict)
     progress: Callable[[str], None] | None = None
 
-    def within(self, keyword: str) -> dict[str, float]:
+    def within(self, keyword: str) -> dict[str, Any]:
         """Return the tolerance as a keyword of an engine; nothing for its default."""
         return {} if self.tolerance is None else {keyword: self.tolerance}
 

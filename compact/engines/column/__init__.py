@@ -36,8 +36,7 @@ class ColumnEngine(Engine):
         """Compute a pass over the columns of an earlier one, `state.layer` on `state.lower`."""
         from compact.engines.column.engine import roll, roll_over
 
-        target = {} if case.exit_density_ratio is None else {"exit_density_ratio": case.exit_density_ratio}
-        options: dict[str, Any] = {**case.numerics, **target}
+        options: dict[str, Any] = {"exit_density_ratio": case.exit_density_ratio, **case.numerics}
         if state is None:
             return roll(case.layer, case.roller, case.material, case.speed, **options)
         return roll_over(state.layer, case.roller, case.material, case.speed, lower=state.lower, **options)

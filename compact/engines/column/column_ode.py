@@ -261,7 +261,8 @@ def _change_regime(law, stack, y, i, direction, state):
     """Let column i yield, or cross from one part of its yield surface to the next at its event."""
     point, subcritical = _event_state(stack, y, i), direction < 0
     if not state.yielding[i] or state.on_line[i]:
-        state.on_line[i] = not state.yielding[i] and is_on_line(law, point)
+        inside_corner = law.line and point[1] + law.pt <= _corner_pressure(law, point[2]) * CORNER_SIDE
+        state.on_line[i] = not state.yielding[i] and inside_corner
         state.event_stress[i] = critical_stress(law, point, direction, state.on_line[i])
         subcritical = point[1] <= _yield_surface(law, point[2])[1]
     else:
@@ -494,15 +495,6 @@ def _event_state(stack, y, i):
     """Return s_v, p and the density ratio of the yield surface of column i."""
     k = stack.density_ratio[i] * np.exp(y[COLUMN_STATE + 2 * i + 1])
     return y[STRESS], y[COLUMN_STATE + 2 * i], max(k, stack.max_density_ratio[i])
-
-
-@compiled
-def is_on_line(law: CapConstants, point: tuple) -> bool:
-    """Return True if a column that yields lies on the shear line; `point` as of `yield_stress`."""
-    _, p, k = point
-    if not law.line:
-        return False
-    return p + law.pt <= _corner_pressure(law, k) * CORNER_SIDE
 
 
 @compiled

@@ -67,6 +67,11 @@ class Column(NamedTuple):
     max_density_ratio: float = 0.0
 
 
+def grain_height(column: Column, bulk_modulus: float) -> float:
+    """Return the mass of grains of a column at rest as a height [m]."""
+    return column.density_ratio * column.height * float(np.exp(column.lateral_stress / 1.5 / bulk_modulus))
+
+
 class Columns(NamedTuple):
     """Columns behind a pass, from the base upwards: of the layer, and of its lower lift."""
 
@@ -240,20 +245,12 @@ class ColumnLayer:
         path = np.concatenate([unloading[::-1], loading[-2::-1]])  # from the rear to the front edge
         x, heights, ratios = gap.positions(path[:, 0]), layer.heights(y), layer.density_ratios(y)
         # the integral under the front is negative, where u decreases
-        load, resistance = (
-            float(y[ode.LOAD_INTEGRAL] - 2 * lowest[ode.LOAD_INTEGRAL]),
-            -float(y[ode.RESISTANCE_INTEGRAL]),
-        )
+        load = float(y[ode.LOAD_INTEGRAL] - 2 * lowest[ode.LOAD_INTEGRAL])
+        resistance = -float(y[ode.RESISTANCE_INTEGRAL])
         plastic, elastic = y[[ode.PLASTIC_WORK, ode.ELASTIC_WORK]].tolist()
         columns = np.array([heights, ratios, 1.5 * y[ode.COLUMN_STATE :: 2], after.stack.max_density_ratio]).T.tolist()
         below, fresh = slice(layer.lower_count), slice(layer.lower_count, None)
-        settled: dict[str, Any] = {}
-        if layer.lower_count:
-            lower_height = float(heights[below].sum())
-            settled = {
-                "lower_height": lower_height,
-                "lower_density_ratio": ratios[below] @ heights[below] / lower_height,
-            }
+        lower_height = float(heights[below].sum()) or None
         solid = self.stack.density_ratio * self.stack.height / layer.density_ratios(lowest)
         needed = float((solid * np.exp(-layer.elastic_strains(lowest))).sum())
         return Contact(
@@ -265,7 +262,8 @@ class ColumnLayer:
             mass_residual=needed / (layer.height - indentation) - 1,
             exit=Columns(*(tuple(Column(*each) for each in columns[part]) for part in (fresh, below))),
             own={"plastic_work": plastic, "elastic_work": elastic, "evaluations": evaluations},
-            effort=f"evaluations: {evaluations}", **settled,
+            effort=f"evaluations: {evaluations}", lower_height=lower_height,
+            lower_density_ratio=lower_height and ratios[below] @ heights[below] / lower_height,
         )  # fmt: skip
 
 
@@ -374,8 +372,7 @@ def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float
 
 def raise_unreachable(layer: Any, name: str, value: float, largest: float) -> NoReturn:
     """Raise ValueError for a target beyond its value at the largest indentation, or an initial density ratio."""
-    bounds = "be less than"
+    bounds, unit = "be less than", f" {CONTACT[name].unit}"
     if name == "exit_density_ratio":
-        bounds = f"lie between {layer.loosest:.6g}, before the pass, and"
-    unit = "" if name == "exit_density_ratio" else f" {CONTACT[name].unit}"
+        bounds, unit = f"lie between {layer.loosest:.6g}, before the pass, and", ""
     raise ValueError(f"`{name}` must {bounds} {largest:.6g}{unit}, where {layer.limit}, got {value:.9g}{unit}")

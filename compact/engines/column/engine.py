@@ -23,15 +23,7 @@ from numpy.typing import ArrayLike
 from compact import rolling_contact
 from compact.engines.column import COLUMN, column_pass
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
-from compact.engines.column.column_pass import (
-    PLATE,
-    SAMPLED_STEP_SHARE,
-    SEARCH_TOLERANCE,
-    TARGET_TOLERANCE,
-    Column,
-    ColumnLayer,
-    column_layer,
-)
+from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer
 from compact.engines.column.state_update_columns import roll_state_update
 from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
@@ -161,9 +153,7 @@ def roll_over(
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     layer = column_layer((*lower, *columns), material, 1.0, gap, strain == "logarithmic", len(lower))
     if material.rate_sensitivity:
-        grains = sum(
-            each.density_ratio * each.height * np.exp(each.lateral_stress / 1.5 / layer.law.K) for each in columns
-        )
+        grains = sum(column_pass.grain_height(each, layer.law.K) for each in columns)
         fed_height = grains / material.fed_density_ratio  # of the columns, which earlier passes may have compacted
         deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
         settled = fed_height - sum(each.height for each in columns)
@@ -180,8 +170,8 @@ def roll_over(
     scale = rolling_contact.resistance_scale(result.resistance, result.load)
     error = abs(coarse.load - result.load) / result.load, abs(coarse.resistance - result.resistance) / scale
     rolled = rolling_contact.for_travel(replace(result, error=(error[0] + rtol, error[1] + rtol)), speed)
-    rolling_contact.require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
-    return rolled
+    tolerance = column_pass.TARGET_TOLERANCE * rtol
+    return rolling_contact.require_on_target(rolled, roller, tolerance, exit_density_ratio=exit_density_ratio)
 
 
 def lower_columns(
@@ -250,7 +240,7 @@ def required_feed(
         fresh = column_layer((Column(1.0, material.fed_density_ratio),), material, factor, PLATE)
         result = _sampled_pass(fresh, "exit_density_ratio", exit_density_ratio, rtol)
         rolling_contact.require_target_reached(
-            "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, TARGET_TOLERANCE * rtol
+            "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, column_pass.TARGET_TOLERANCE * rtol
         )
         scale, settlement = height / result.exit_height, 0.0
         if lower:
@@ -309,9 +299,9 @@ def _sampled_pass(layer: ColumnLayer, name: str, value: float, rtol: float) -> C
     """Compute the pass with a prescribed quantity and its pressure at many points."""
 
     def compute(indentation: float) -> Contact:
-        return layer.compute_pass(indentation, rtol, SAMPLED_STEP_SHARE)
+        return layer.compute_pass(indentation, rtol, column_pass.SAMPLED_STEP_SHARE)
 
-    return column_pass.solve_target(layer, compute, name, value, SEARCH_TOLERANCE * rtol)
+    return column_pass.solve_target(layer, compute, name, value, column_pass.SEARCH_TOLERANCE * rtol)
 
 
 def _require_compaction(material: object) -> None:

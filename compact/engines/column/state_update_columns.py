@@ -92,8 +92,7 @@ def roll_state_update(
         scale = rolling_contact.resistance_scale(found.resistance, found.load)
         error = abs(found.load - before.load) / found.load, abs(found.resistance - before.resistance) / scale
     result = rolling_contact.for_travel(replace(found, error=error), speed)
-    rolling_contact.require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
-    return result
+    return rolling_contact.require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
 
 
 class _OwnLayer:

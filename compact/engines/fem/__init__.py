@@ -22,7 +22,7 @@ class FemEngine(Engine):
         """Solve the contact to the tolerance of the case."""
         from compact.engines.fem.engine import roll
 
-        options: dict[str, Any] = {"torque": case.torque, "estimate": case.estimate, **case.within("tolerance")}
+        options = {"torque": case.torque, "estimate": case.estimate} | case.within("tolerance")
         return roll(case.layer, case.roller, case.material, case.speed, **options)
 
     def expand(self, case: Case) -> "ResistanceExpansion":
@@ -32,12 +32,12 @@ class FemEngine(Engine):
         roller = case.roller
         if roller.rolling in ("free", "driven"):
             roller = replace(roller, rolling="frictionless")
-        options: dict[str, Any] = {"estimate": False, **case.within("tolerance")}
-        return expand_resistance(case.layer, roller, case.material, case.speed, **options)
+        within = case.within("tolerance")
+        return expand_resistance(case.layer, roller, case.material, case.speed, estimate=False, **within)
 
     def fields(self, contact: Any) -> Any:
         """Return a mesh with displacement, stress and pressure."""
-        from compact.engines.fem.fields import field_mesh
+        from compact.engines.fem.engine import field_mesh
 
         return field_mesh(contact)
 

@@ -263,10 +263,7 @@ class ContactSolution:
 
 
 def solve_at_target(
-    problem: RollingProblem,
-    surface: SurfaceCompliance,
-    grid: Discretisation,
-    start: ContactSolution | None = None,
+    problem: RollingProblem, surface: SurfaceCompliance, grid: Discretisation, start: ContactSolution | None = None
 ) -> ContactSolution:
     """Solve the contact with the prescribed indentation, load or peak pressure; `start` is a neighbouring contact."""
     name, value = problem.roller.target

@@ -4,7 +4,7 @@ The elastic layer is factorised once per mesh, Poisson's ratio and base and cond
 material at a speed retards that compliance along the surface. The contact with free edges is solved on it (`contact`),
 with zones of stick and slip where the roller turns. The secant method in logarithms finds the indentation of a
 prescribed load or peak pressure. The load is the sum of the surface tractions, the resistance that of the pressure on
-the slope of the roller and of the shear. The energy balance uses stresses and strains inside the layer (`fields`).
+the slope of the roller and of the shear. The energy balance uses stresses and strains inside the layer.
 
 The first discretisation fits the elastic contact, so that all speeds at one indentation share a mesh and its factorised
 stiffness. Retardation times that are short compared with the passage of the roller produce boundary layers at the edges
@@ -22,24 +22,25 @@ Errors in this range, against closed forms and the engine "spectral":
     shear with stick and slip    2 %
 
 They hold for plies whose moduli differ 20-fold, if the top ply is a fifth of the half-width thick or more.
+
+Fields: the stress is that of the elastic layer of relaxed modulus under the same forces, with its strain e. Per length
+rolled and unit volume, branch k of the creep function dissipates
+
+    W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    l_k = |v| theta_k,
+
+where z_k is the retarded strain. Retardation of the elastic displacement along each line of nodes gives that of the
+viscoelastic layer.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
-from compact.engines.fem import FEM
-from compact.engines.fem.compliance import (
-    SurfaceCompliance,
-    end_behind,
-    shape_matrix,
-    steady_creep_operator,
-    surface_compliance,
-)
+from compact.engines.fem import FEM, compliance
 from compact.engines.fem.contact import (
     BeyondWindowError,
     ContactSolution,
@@ -49,12 +50,17 @@ from compact.engines.fem.contact import (
     solve_at_indentation,
     solve_at_target,
 )
-from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
+from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh
+from compact.numerics import Array
+from compact.numerics.assembly import element_unknowns, strain_matrix
 from compact.numerics.validation import require_instance, require_positive
 from compact.rolling_contact import Contact, Layer, Roller
+
+if TYPE_CHECKING:
+    import meshio
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
 TARGET_FACTOR = 10.0  # [-], tolerance of the target in the result over that of its solution
@@ -80,7 +86,57 @@ WINDOW_GROWTH = 1.5  # [-], of a loaded zone that does not contain the contact
 MAX_WINDOWS = 8  # [-], loaded zones
 REMEDY_ERROR = 1.05  # [-], tolerance of a remedy over the error estimate, more than its rounding
 
+GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # [-], of the three streamlines in a row of elements
+
 Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FemContactResult(Contact):
+    """A `Contact` with the data that its fields require.
+
+    Its `history` lists (trailing, leading, step over length) of every iteration, along x [m]. The sign of its speed
+    selects the end at which a slipping layer is held.
+
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh of the layer.
+    forces : ndarray
+        Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
+    """
+
+    mesh: RowMesh
+    forces: Array
+
+    @property
+    def stiffness(self) -> compliance.LayerStiffness:
+        """Factorised stiffness of the layer, shared by all contacts on the same mesh."""
+        behind = compliance.end_behind(self.layer, self.speed)
+        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer, behind)
+
+    @property
+    def moduli(self) -> Array:
+        """Relaxed moduli of the elements [Pa], shape (elements, 4)."""
+        return self.material.youngs_modulus * compliance.element_moduli(self.mesh, self.material.poisson, self.layer)
+
+    def elastic_displacement(self) -> Array:
+        """Displacement of the layer of relaxed modulus under the same forces [m], shape (nodes, 2).
+
+        On a frictionless base the displacements along x count from that of the base below the roller.
+        """
+        stiffness = self.stiffness
+        forces = np.zeros((stiffness.basis.N, 2))
+        forces[stiffness.surface] = self.forces.T
+        u, base = stiffness.displacement(forces[:, :, None])[:, :, 0], stiffness.lines[0]
+        u[:, 0] -= u[base[np.argmin(np.abs(stiffness.basis.doflocs[0][base]))], 0]
+        return u
+
+    def elastic_strain(self) -> Array:
+        """Strain (e_xx, e_yy, 2 e_xy, e) of that layer at the Gauss points [-], shape (elements, points, 4)."""
+        basis = self.stiffness.basis
+        displacement = self.elastic_displacement().ravel()[element_unknowns(basis)]
+        return np.einsum("eqsb,eb->eqs", strain_matrix(basis), displacement, optimize=True)
 
 
 def roll(
@@ -200,9 +256,11 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
 
 def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = True) -> FemContactResult:
     """Solve a problem on one mesh."""
-    contact = expand_window(
-        grid, lambda window: solve_at_target(problem, retarded_surface(problem, grid.mesh, window), grid)
-    )
+
+    def solve(window: float) -> ContactSolution:
+        return solve_at_target(problem, retarded(problem, elastic_surface(problem, grid.mesh, window)), grid)
+
+    contact = expand_window(grid, solve)
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
     x, pressure = patch.sampled(PRESSURE_SAMPLES, problem.exponent)
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
@@ -220,12 +278,9 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
         peak_pressure=float(E * patch.peak),
         creep=None if shear is None else shear.creepage,
         history=patch.history,
-        layer=problem.layer,
-        roller=problem.roller,
-        material=problem.material,
-        speed=problem.speed,
         mesh=grid.mesh,
         forces=contact.forces,
+        **{name: getattr(problem, name) for name in ("layer", "roller", "material", "speed")},
     )
     torques = None
     if shear is not None:  # prescribed and computed
@@ -233,7 +288,7 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
         torques = problem.torque, float(-problem.direction * moment)
     rolling_contact.require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
-    return replace(result, error=_error_estimate(problem, grid, result, contact)) if estimate else result
+    return replace(result, error=_error_estimate(grid, result, contact)) if estimate else result
 
 
 def expand_window(grid: Discretisation, solve: Callable[[float], Found]) -> Found:
@@ -252,26 +307,23 @@ def expand_window(grid: Discretisation, solve: Callable[[float], Found]) -> Foun
 
 def elastic_surface(
     problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
-) -> SurfaceCompliance:
+) -> compliance.SurfaceCompliance:
     """Compliance of the elastic layer of unit modulus, loaded within a half-width `window` [m] of the mesh."""
     sheared = bool(problem.traction_ratio) or problem.turns_with_friction or problem.roller.profile == "deformed"
-    behind = end_behind(problem.layer, problem.speed)
-    return surface_compliance(mesh, problem.material.poisson, problem.layer, window, sheared, behind, stretch_rate)
+    layer, poisson, behind = (
+        problem.layer,
+        problem.material.poisson,
+        compliance.end_behind(problem.layer, problem.speed),
+    )
+    return compliance.surface_compliance(mesh, poisson, layer, window, sheared, behind, stretch_rate)
 
 
-def retarded(problem: RollingProblem, surface: SurfaceCompliance) -> SurfaceCompliance:
+def retarded(problem: RollingProblem, surface: compliance.SurfaceCompliance) -> compliance.SurfaceCompliance:
     """Compliance of the viscoelastic layer in steady motion from that of the elastic one."""
-    return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
+    return surface.retarded(compliance.steady_creep_operator(surface.x, problem.material, problem.speed))
 
 
-def retarded_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
-    """Compliance of the viscoelastic layer in steady motion, as of `elastic_surface`."""
-    return retarded(problem, elastic_surface(problem, mesh, window))
-
-
-def _error_estimate(
-    problem: RollingProblem, grid: Discretisation, result: FemContactResult, contact: ContactSolution
-) -> tuple[float, float]:
+def _error_estimate(grid: Discretisation, result: FemContactResult, contact: ContactSolution) -> tuple[float, float]:
     """Estimated relative errors of load and resistance.
 
         load        2 |P - P'|/P' + common,  common = 0.15 scatter of the peak pressure + 3e-6
@@ -285,7 +337,8 @@ def _error_estimate(
     prescribed in each. The estimate over it is never below 0.3, and below 0.5 in 2 of 1357 cases. Its medians are 2.7
     and 2.9 for load and resistance; 95 % are below 16.
     """
-    patch, surface, E = contact.patch, contact.pressed.surface, problem.material.youngs_modulus
+    patch, surface, problem = contact.patch, contact.pressed.surface, contact.pressed.problem
+    E = problem.material.youngs_modulus
     finer = replace(
         grid,
         mesh=grid.mesh.refined(),
@@ -293,7 +346,8 @@ def _error_estimate(
         terms=grid.terms + EXTRA_TERMS * int(np.ceil(grid.terms / MAX_TERMS)),
         edges=patch.edges if grid.edges else None,
     )
-    fine = retarded_surface(problem, finer.mesh, surface.x[surface.loaded][-1] - grid.mesh.centre)
+    window = surface.x[surface.loaded][-1] - grid.mesh.centre
+    fine = retarded(problem, elastic_surface(problem, finer.mesh, window))
     refined = as_deep = solve_at_target(problem, fine, finer)
     if problem.roller.load is not None:
         as_deep = solve_at_indentation(problem, fine, finer, finer.indentation)
@@ -324,7 +378,7 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
         supplied += direction * problem.torque / problem.roller.radius * (1 + shear.creepage)
         slipped = direction * E * shear.slip_work
     elif problem.traction_ratio:
-        stretch = patch.displacement @ shape_matrix(contact.pressed.surface.x, patch.x, derivative=True).T
+        stretch = patch.displacement @ compliance.shape_matrix(contact.pressed.surface.x, patch.x, derivative=True).T
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         power = np.sum((patch.direction - patch.normal) * slip, axis=0)
         slipped = E * float(np.sum(patch.weight * patch.pressure * power))
@@ -395,3 +449,69 @@ def spectral_estimate(problem: RollingProblem) -> Contact | None:
 
 def _pressure_terms(layer: Layer, half_width: float) -> int:
     return int(min(BASE_TERMS + TERMS_PER_WIDTH * half_width / layer.top.thickness, MAX_TERMS))
+
+
+def field_mesh(result: FemContactResult) -> "meshio.Mesh":
+    """Compute the fields inside the layer under a roller in steady motion.
+
+    Returns
+    -------
+    meshio.Mesh
+        Quadrilaterals of 9 nodes. Point data: displacement [m], 3 components. Cell data, means over the elements:
+        stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, the mean normal stress [Pa], compression
+        positive; dissipation [W/m3].
+    """
+    import meshio
+
+    basis, elastic, strain = result.stiffness.basis, result.elastic_displacement(), result.elastic_strain()
+    x, u = basis.doflocs[0], np.empty_like(elastic)
+    for line in result.stiffness.lines:
+        u[line] = compliance.steady_creep_operator(x[line], result.material, result.speed) @ elastic[line]
+    parts = result.moduli[:, None] * strain
+    stress = np.zeros((*parts.shape[:2], 6))
+    stress[..., :3] = parts[..., 3:]
+    stress[..., :2] += parts[..., :2]
+    stress[..., 3] = parts[..., 2]
+    area = basis.dx.sum(axis=1)
+    stress = np.einsum("eq,eqs->es", basis.dx / area[:, None], stress)
+    dissipation = abs(result.speed) * _dissipation(result, strain)[0] / area
+    return meshio.Mesh(
+        np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
+        [("quad9", basis.element_dofs.T)],
+        point_data={"displacement": np.pad(u, ((0, 0), (0, 1)))},
+        cell_data={"stress": [stress], "pressure": [-stress[:, :3].mean(axis=1)], "dissipation": [dissipation]},
+    )
+
+
+def dissipated_work(result: FemContactResult) -> float:
+    """Work dissipated in the layer per length rolled [J/m2].
+
+    Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
+    """
+    inside, remaining = _dissipation(result, result.elastic_strain())
+    return float(np.sum(inside) + remaining)
+
+
+def _dissipation(result: FemContactResult, strain: Array) -> tuple[Array, float]:
+    """Dissipation of the elements per length rolled [J/m per m], shape (elements,), and that downstream [J/m2]."""
+    (rows, columns), basis, (_, *branches) = result.mesh.shape, result.stiffness.basis, creep_function(result.material)
+    stiff = np.repeat(result.moduli[::columns], len(GAUSS_WEIGHTS), axis=0)[:, None]
+    heights = (np.diff(result.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
+    e, x, areas = (
+        _streamlines(result, values)
+        for values in (strain, np.asarray(basis.global_coordinates())[0][..., None], basis.dx[..., None])
+    )
+    inside, remaining, outlet = np.zeros(areas.shape[:2]), 0.0, 0 if result.speed > 0 else -1
+    for share, time in zip(*branches, strict=True):
+        length = time * result.speed
+        energy = share * np.sum(stiff * (e - compliance.retarded_along_rows(e, x[..., 0], length)) ** 2, axis=-1)
+        inside += energy / abs(length)
+        remaining += float(heights @ energy[:, outlet] / 2)
+    return (areas[..., 0] * inside).reshape(rows, 3, columns, 3).sum(axis=(1, 3)).ravel(), remaining
+
+
+def _streamlines(result: FemContactResult, values: Array) -> Array:
+    """Values of the Gauss points, shape (elements, 9, n), as rows along x of shape (3 rows, 3 columns, n)."""
+    (rows, columns), (x, y) = result.mesh.shape, result.stiffness.basis.X
+    blocks = values[:, np.lexsort((x, y))].reshape(rows, columns, 3, 3, -1)
+    return blocks.transpose(0, 2, 1, 3, 4).reshape(3 * rows, 3 * columns, -1)

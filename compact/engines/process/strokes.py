@@ -38,7 +38,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import GapShape
-from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer, plate_indentation
+from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer, grain_height, plate_indentation
 from compact.engines.column.engine import INTEGRATION_RTOL
 from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.engines.process.kneading import Kneading
@@ -423,11 +423,6 @@ def _amount_for_density(problem: FormingProblem, target: float, rate_factor: flo
             "section are needed: a slower mould, a faster cart or a longer roller"
         )
     return float(brentq(residual, 0.0, most, xtol=DENSITY_TOLERANCE * machine.height / 100, rtol=AMOUNT_RTOL))
-
-
-def grain_height(column: Column, bulk_modulus: float) -> float:
-    """Return the mass of grains of a column at rest as a height [m]."""
-    return column.density_ratio * column.height * float(np.exp(column.lateral_stress / 1.5 / bulk_modulus))
 
 
 def mean_over_height(heights: Array, values: Array, low: float, high: float) -> float:

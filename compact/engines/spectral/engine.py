@@ -30,20 +30,14 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
-from compact.engines.spectral import SPECTRAL
-from compact.engines.spectral.galerkin_system import (
-    JacobiBasis,
-    RollingProblem,
-    assemble_system,
-    creep_compliance,
-    power_spectrum,
-    pressure_polynomials,
-)
+from compact.engines.spectral import SPECTRAL, galerkin_system
+from compact.engines.spectral.galerkin_system import JacobiBasis, RollingProblem
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import Array
 from compact.numerics.validation import require_instance, require_positive
 from compact.rolling_contact import Contact, Layer, Roller
 
+NAMES = ("load", "resistance", "peak_pressure", "indentation")  # of numbers of a `ContactSolution`
 MODE_COUNTS = 16, 24, 36, 54, 80, 120, 180, 270, 405, 610  # [-], tried in turn; the error is estimated from the next
 SPECTRAL_RTOL = 1e-5  # [-], default tolerance of load and resistance, a tenth of that of the peak pressure
 SPECTRAL_RTOL_MAX = 1e-3  # [-], error with the most modes above which the contact is not returned
@@ -99,7 +93,7 @@ class ContactSolution:
     def pressure(self, xi: Array | float) -> Array:
         """Return the pressure p [Pa] at xi in [-1, 1]."""
         alpha = self.basis.trailing_exponent
-        polynomials = pressure_polynomials(xi, alpha, len(self.coefficients))
+        polynomials = galerkin_system.pressure_polynomials(xi, alpha, len(self.coefficients))
         return self.scale * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha * (self.coefficients @ polynomials)
 
     @property
@@ -182,8 +176,6 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
         xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
         pressure, x = contact.pressure(xi), contact.centre + contact.half_width * xi
         found = Contact(
-            contact.load,
-            contact.resistance,
             leading=float(x[-1]),
             trailing=float(x[0]),
             x=x,
@@ -191,13 +183,10 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
             shear_traction=problem.friction * pressure,
             error=history[-1][1:],
             work_residual=_work_residual(problem, contact),
-            indentation=contact.indentation,
-            peak_pressure=contact.peak_pressure,
             history=tuple(history),
+            **{name: getattr(contact, name) for name in NAMES},
         )
-    rolled = rolling_contact.for_travel(found, speed)
-    rolling_contact.require_on_target(rolled, roller, TARGET_RTOL)
-    return rolled
+    return rolling_contact.require_on_target(rolling_contact.for_travel(found, speed), roller, TARGET_RTOL)
 
 
 def _estimate_errors(problem, contact, next_modes):
@@ -209,11 +198,10 @@ def _estimate_errors(problem, contact, next_modes):
     """
     modes, a, (target, value) = len(contact.coefficients), contact.half_width, problem.roller.target
     wider, finer = solve_pressure(problem, modes, a * (1 + HALF_WIDTH_STEP)), solve_pressure(problem, next_modes, a)
-    names = ("load", "resistance", "peak_pressure", "indentation")
-    of_contact, of_wider, of_finer = (np.array([getattr(c, name) for name in names]) for c in (contact, wider, finer))
+    of_contact, of_wider, of_finer = (np.array([getattr(c, name) for name in NAMES]) for c in (contact, wider, finer))
 
     def change(target: str, value: float) -> Array:
-        k = names.index(target)
+        k = NAMES.index(target)
         derivative = (of_wider - of_contact) / (of_wider[k] - of_contact[k])
         return of_finer - of_contact - derivative * (of_finer[k] - value)
 
@@ -252,7 +240,7 @@ def _work_residual(problem, contact):
     of the surface is equal on both sides and left out. Beyond SPECTRUM_LIMIT |p|^2 is a power law.
     """
     basis, a = contact.basis, contact.half_width
-    tau, weight, squared = power_spectrum(basis, contact.coefficients, SPECTRUM_LIMIT)
+    tau, weight, squared = galerkin_system.power_spectrum(basis, contact.coefficients, SPECTRUM_LIMIT)
     tail = np.geomspace(SPECTRUM_LIMIT, 1e9 * SPECTRUM_LIMIT, 2001)
     power = 2 + 2 * min(basis.trailing_exponent, 1 - basis.trailing_exponent)
     level = np.average(squared * tau**power, weights=weight * (tau > SPECTRUM_LIMIT / 2))
@@ -273,7 +261,7 @@ def build_rolling_problem(
     """
     SPECTRAL.require(layer, roller, speed)
     require_instance(Elastic, "Elastic or Viscoelastic for the engine spectral", material=material)
-    problem = RollingProblem(layer, roller, material, creep_compliance(material, speed, layer.height))
+    problem = RollingProblem(layer, roller, material, galerkin_system.creep_compliance(material, speed, layer.height))
     (target, value), radius, modulus = roller.target, roller.radius, problem.contact_modulus
     half_width = {
         "indentation": np.sqrt(radius * value),
@@ -318,7 +306,8 @@ def solve_contact(
 
 def solve_pressure(problem: RollingProblem, modes: int, half_width: float) -> ContactSolution:
     """Solve for the pressure on a half-width [m] with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
-    (basis, matrix, depths), a, R = assemble_system(problem, modes, half_width), half_width, problem.roller.radius
+    a, R = half_width, problem.roller.radius
+    basis, matrix, depths = galerkin_system.assemble_system(problem, modes, a)
     x, tests = a * basis.nodes, basis.tests
     factors = lu_factor(matrix[1:])
     centre = _find_centre(problem, x, a, tests[0] - lu_solve(factors, matrix[0], trans=1) @ tests[1:])
