@@ -34,15 +34,16 @@ Lifts
     that it returns on its own track and then meets the layer of the stroke before (`studies/reversal.py`).
 """
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction import reciprocating_case
 from compact.engines.compaction.engine import CompactionContactResult, require_compactable
 from compact.engines.compaction.increment_solver import Equilibrium, IncrementSolver
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
@@ -52,7 +53,7 @@ from compact.engines.compaction.rolling import CARRIED_SHARE, MIN_SUBSTEPS, Incr
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
 from compact.material.laws import Compaction, DruckerPragerCap
 from compact.numerics import Array, IntArray
-from compact.numerics.validation import require_finite
+from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
 from compact.rolling_contact import EquilibriumError, Layer, PrescribedMotion, Roller, require_torque_allowed
 
 if TYPE_CHECKING:
@@ -65,7 +66,44 @@ MULTIPLIER_TOLERANCE = 0.01  # [-], change of a multiplier in an augmentation ov
 MAX_AUGMENTATIONS = 10  # [-], in a step; one in ten steps on thick layers ends with more, which the next steps reduce
 MAX_CARRYING = 30  # [-], solutions of a step with a carried pressure; the differences halve
 CARRIED_TOLERANCE = 0.01  # [-], mean of |p - p'| over the mean pressure of the contact
+INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
 STEPS_PER_ELEMENT = round(1 / STEP_LENGTH)  # [-], steps with stored changes for the prediction
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReciprocatingNumerics:
+    """Options of `simulate_reciprocating`.
+
+    Parameters
+    ----------
+    strain : {"finite", "small"}
+        Strain measure.
+    increments : int
+        Elements per contact length; each is travelled in four steps.
+    instants : sequence of float
+        Times at which fields are kept as `frames`, each at the nearest end of a step [s].
+    estimate : bool
+        True for an error estimate from steps twice as long, at half as much work again.
+    edge_distance : float, optional
+        Distance from the axle back to the edge of fresh mix that is laid at each reversal [m], at least the contact
+        length; none is laid by default.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of its range.
+    """
+
+    strain: Literal["finite", "small"] = "finite"
+    increments: int = INCREMENTS
+    instants: Sequence[float] = ()
+    estimate: bool = True
+    edge_distance: float | None = None
+
+    def __post_init__(self) -> None:
+        require_known("strain", self.strain, ("finite", "small"))
+        require_integers(increments=self.increments)
+        require_finite(instants=self.instants)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -397,13 +435,13 @@ def simulate_reciprocating(
     RuntimeError
         If a step has no equilibrium or the roller skids; the message contains the position.
     """
-    numerics = reciprocating_case.ReciprocatingNumerics(**options)
+    numerics = ReciprocatingNumerics(**options)
     strokes = stroke_schedule(motion)
     require_compactable(layer, roller, material, 1.0, fed_layer)
     edge = numerics.edge_distance
-    depth = reciprocating_case.require_simulable(layer, roller, strokes, lift_thickness, edge, fed_layer)
+    depth = require_simulable(layer, roller, strokes, lift_thickness, edge, fed_layer)
     if start is not None:
-        reciprocating_case.require_start(start, layer, depth, fed_layer, strokes)
+        require_start(start, layer, depth, fed_layer, strokes)
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
@@ -428,7 +466,7 @@ def simulate_reciprocating(
             if rolling is None or is_new:
                 if stroke:
                     fed = run.exit_layers[-1].with_lift(lift_thickness, material)
-                    reciprocating_case.warn_of_shut_pores(fed, material, depth, stroke + 1)
+                    warn_of_shut_pores(fed, material, depth, stroke + 1)
                 rolling = roller_on(fed, positions[0], rolling)
                 if start is not None and stroke == 0:
                     rolling.initialise_from(start.solution)
@@ -493,3 +531,56 @@ class _History:
         middle = int(np.searchsorted(roller.frame.row_x, roller.strokes.span / 2))
         self.exit_layers.append(roller.frame.exit_layer(roller.state, middle)[0])
         self.iterations = roller.iterations
+
+
+def require_simulable(
+    layer: Layer,
+    roller: Roller,
+    strokes: Strokes,
+    lift: float,
+    edge_distance: float | None,
+    fed_layer: LayerState | None,
+) -> float:
+    """Require a case that can be simulated, and return the depth [m]."""
+    depth = roller.indentation
+    if depth is None:
+        raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
+    if layer.lower_lift is not None or (fed_layer is not None and fed_layer.lower is not None):
+        raise ValueError("a `lower_lift` is for steady rolling, got one under a stroke; use `roll`")
+    if layer.base != "bonded":
+        raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
+    if not strokes.span > 0:
+        raise ValueError(f"`motion` must move the roller, got a constant position of {strokes.low!r} m")
+    require_nonnegative(lift_thickness=lift)
+    length = float(np.sqrt(2 * roller.radius * depth))
+    if edge_distance is not None and (lift or not edge_distance >= length):
+        raise ValueError(
+            f"`edge_distance` must be at least the contact length {length:.4g} m and `lift_thickness` 0, got "
+            f"{edge_distance!r} m and {lift!r} m"
+        )
+    return depth
+
+
+def warn_of_shut_pores(fed: LayerState, material: Compaction, depth: float, stroke: int) -> None:
+    """Warn if a layer with its lift has fewer voids than a roller at a depth [m] takes: the mix is pushed ahead."""
+    room = fed.height - fed.solid_height(material)
+    if depth > room:
+        warnings.warn(
+            f"stroke {stroke}: the pores of the layer and its lift are shut at {room:.3g} of {depth:.3g} m; the mix "
+            "beyond is pushed ahead of the roller",
+            stacklevel=4,
+        )
+
+
+def require_start(
+    start: CompactionContactResult, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
+) -> None:
+    """Require a steady contact from which the motion can begin."""
+    same = start.layer == layer and start.solution.frame.inflow is fed_layer
+    if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
+        raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
+    if start.speed < 0 or strokes.places[1] < strokes.places[0]:
+        raise ValueError(
+            f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
+            f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
+        )

@@ -289,11 +289,14 @@ class DepthSecant:
         """Last logarithm of the quantity over the target [-]; 0 for a prescribed depth."""
         return self._rows[-1][2] if self._rows else 0.0
 
-    def next_depth(self, depth: float, value: float, factor: float = 1.0) -> float:
+    def next_depth(self, depth: float, value: float, factor: float = 1.0, measured: bool = False) -> float:
         """Return the next depth [m] from the quantity at a depth on the mesh, and the reported one over it [-].
 
-        The exponent is that on the mesh: the factor compares two meshes, and depends on the exponent itself.
+        The exponent is that on the mesh: the factor compares two meshes, and depends on the exponent itself. The first
+        measured quantity of a steady state ends the predictions.
         """
+        if measured and not self.is_measured:
+            self._rows, self.is_measured = [], True
         target = self.target
         if target.quantity == "indentation":
             return target.value
@@ -310,12 +313,6 @@ class DepthSecant:
             self.slope = float(np.clip(secant, low, high))
         factor = float(np.exp(-share * self.last_miss / self.slope))
         return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
-
-    def measured_depth(self, depth: float, value: float, factor: float = 1.0) -> float:
-        """Return `next_depth` from the measured quantity of the steady state at a depth; predictions end."""
-        if not self.is_measured:
-            self._rows, self.is_measured = [], True
-        return self.next_depth(depth, value, factor)
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""

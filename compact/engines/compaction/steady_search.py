@@ -199,7 +199,7 @@ class SteadySearch:
                 depth = depth if is_met else corrected
             if is_met and self.distance < accepted:
                 value = self._finish(jump)
-                depth, jump = secant.measured_depth(self.depth, value, self._target_factor), 0.0
+                depth, jump = secant.next_depth(self.depth, value, self._target_factor, measured=True), 0.0
                 self._miss = secant.last_miss
                 if abs(self._miss) < self.target_tolerance:
                     self.is_steady = True
