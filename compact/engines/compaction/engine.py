@@ -118,7 +118,7 @@ def build_result(
         raise RuntimeError(
             f"the contact reaches the end of the mesh, from {edges[0]:.3g} to {edges[1]:.3g} m; reduce the depth"
         )
-    solution.surface.require_grip(solution.contact)
+    solution.surface.require_friction(solution.contact)
     last = solution.steps[-1]
     # the edges lie half-way to the first node without contact
     trailing, leading = positions[first - 1 : first + 1, 0].mean(), positions[end - 1 : end + 1, 0].mean()

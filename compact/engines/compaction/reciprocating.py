@@ -307,7 +307,7 @@ class ReciprocatingRoller:
                 f"last step: load {forces_before[0]:.6g} N/m, resistance {forces_before[1]:.6g} N/m"
             ) from reason
         contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
-        surface.require_grip(contact, f" at {x:.6g} m")
+        surface.require_friction(contact, f" at {x:.6g} m")
         rotation = 0.0 if contact.creep_travel is None else travel + contact.creep_travel
         load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
         # of slip along the roller surface, which has moved back by the rotation

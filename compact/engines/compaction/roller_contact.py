@@ -249,7 +249,7 @@ class RollerSurface:
         """Return unit vectors along positive friction at nodes displaced by (n, 2) [m], shape (n, 2)."""
         return _turned(self._normals(displacement)[0])
 
-    def require_grip(self, contact: ContactForces, place: str = "") -> None:
+    def require_friction(self, contact: ContactForces, place: str = "") -> None:
         """Require a torque within the friction limit: the creepage of a skidding roller is undetermined."""
         if not self.tangential_force:
             return
