@@ -14,7 +14,7 @@ tests but isotropic compression are in plane strain; compression is positive.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -43,8 +43,7 @@ LATERAL, AXIAL, PLANE = 0, 1, [0, 1, 3]  # components of x and y, and those of p
 CONFINED, EQUAL = np.array([0.0, -1.0, 0.0, 0.0]), np.array([-1.0, -1.0, -1.0, 0.0])  # directions of strain
 
 
-@dataclass(frozen=True, eq=False)
-class MaterialTest:
+class MaterialTest(NamedTuple):
     """Path of one test, arrays of shape (n,).
 
     Parameters

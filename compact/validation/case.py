@@ -199,14 +199,11 @@ def _comparison(row: Mapping[str, str]) -> Comparison:
 
 def _recorded_case(about: Mapping[str, str]) -> ValidationCase:
     """Return the case of a row of `data/cases.csv`."""
-    name = about["case"]
-
-    def compute(rows: Rows) -> Computed:
-        return resolve_name(f"compact.validation.{about['function']}")(rows)
-
+    name, rows = about["case"], read_rows("rows.csv", case=about["case"])
     return ValidationCase(
-        name, about["title"], about["kind"], tuple(about["engines"].split()), about["source"], compute,
-        {row["key"]: _comparison(row) for row in read_rows("rows.csv", case=name)}, float(about["seconds"]),
+        name, about["title"], about["kind"], tuple(about["engines"].split()), about["source"],
+        lambda rows: resolve_name(f"compact.validation.{about['function']}")(rows),
+        {row["key"]: _comparison(row) for row in rows}, float(about["seconds"]),
     )  # fmt: skip
 
 
