@@ -12,7 +12,7 @@ D. G. Anderson, J. ACM 12 (1965) 547.
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,9 +37,10 @@ from compact.turning import Share, StrokeResistance
 
 MAX_STEPS = 20_000  # [-], of a cycle; 1 kB each, a hundred are usual
 CANDIDATE = 0.9  # [-], of the largest sample; a step with smaller ones does not contain the maximum
-COEFFICIENT_ROUNDING = 1e-15  # [-], of the largest Chebyshev coefficient; smaller ones are rounding
+FINE_SAMPLES = 1025  # [-], of such a step; a parabola through three is exact to 1e-9
 SAMPLES, WEIGHTS = clenshaw_curtis(2 * ORDER + 1)  # of a step; exact for the power, a product of two polynomials
 SAMPLED_POLYNOMIALS = chebyshev.chebvander(2 * SAMPLES - 1, ORDER).T
+FINE_POLYNOMIALS = chebyshev.chebvander(np.linspace(-1, 1, FINE_SAMPLES), ORDER).T
 ATTEMPTS_PER_CALL = 500  # [-], of one compiled call; 0.1 s or less, then Python handles interrupts
 LAW_TOLERANCE = 1e-11  # [-], of the peak acceleration; polynomials of the law
 TABLE_TOLERANCE = 1e-2  # [-], of the solution tolerance; polynomials of the resistance
@@ -50,6 +51,7 @@ STANDSTILL_SPEED = 1e-6  # [-], of the peak speed of the law; a slower cart coun
 STICTION_RISE = 1e-3  # [-], of the force scale; a larger rise of F below the standstill speed counts as stiction
 DEFECT_SHARE = 0.3  # [-], of the solution tolerance; defect of a step
 CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
+PLACE_UNIT = 1e-4  # [-], of the stroke; a turn or front so far away changes the forces by their own size at most
 MAX_MOVE = 30.0  # [-], of the force scale; change of the state by an extrapolation
 MAX_DEPTH = 3  # [-], differences of an extrapolation
 MAX_CYCLES = 400  # [-]; 3 to 8 are usual
@@ -165,15 +167,15 @@ class Trajectory:
         return self._largest(force), self._largest(force, pace @ TO_CHEBYSHEV.T)
 
     def _largest(self, *factors: Array) -> float:
-        """Largest magnitude of a product of Chebyshev series of each step; exact where its samples come close to it."""
+        """Largest magnitude of a product of Chebyshev series of each step; by a parabola between fine samples."""
         values = np.abs(np.prod([series @ SAMPLED_POLYNOMIALS for series in factors], axis=0)).max(axis=1)
-        found = [values.max()]
-        for i in np.flatnonzero(values > CANDIDATE * values.max()):
-            product = reduce(chebyshev.chebmul, [series[i] for series in factors])
-            product = chebyshev.chebtrim(product, COEFFICIENT_ROUNDING * np.abs(product).max())
-            places = chebyshev.chebroots(chebyshev.chebder(product)).real if len(product) > 2 else np.zeros(1)
-            found.append(np.abs(chebyshev.chebval(np.clip(places, -1, 1), product)).max())
-        return float(max(found))
+        near = values > CANDIDATE * values.max()
+        fine = np.abs(np.prod([series[near] @ FINE_POLYNOMIALS for series in factors], axis=0))
+        left, middle, right = fine[:, :-2], fine[:, 1:-1], fine[:, 2:]
+        summits = (middle > left) & (middle >= right)
+        left, middle, right = left[summits], middle[summits], right[summits]
+        rises = (right - left) ** 2 / (8 * (2 * middle - left - right))
+        return float(max(fine.max(initial=0.0), (middle + rises).max(initial=0.0)))
 
 
 def integrate(
@@ -372,12 +374,13 @@ class CartMotion:
         middle = int(np.searchsorted(self.law.breaks, self.half_stroke_time * (1 - 1e-9)))
         early = PiecewisePolynomial(self.law.breaks[: middle + 1], self.law.coefficients[:middle])
         late = PiecewisePolynomial(self.law.breaks[middle:], self.law.coefficients[middle:])
-        cart, state = self.cart, self._quasi_static_state(early)
+        cart, state, halfway = self.cart, self._quasi_static_state(early), early.coefficients[-1].sum()
         free = [0, 1]  # elongation and velocity, and the memory of the turns
         units = self.scale / np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass)])
         if cart.turns.size:
             free = [0, 1, 4, *range(6, len(state))]
-            units = np.concatenate([units, np.full(5, units[0]), [1.0, 1.0]])
+            shift = max(units[0], PLACE_UNIT * cart.stroke)
+            units = np.concatenate([units, np.full(5, shift), [1.0, 1.0]])
         depth = min(len(free), MAX_DEPTH)
         places: list[Array] = []
         residuals: list[Array] = []
@@ -386,6 +389,10 @@ class CartMotion:
         for _ in range(MAX_CYCLES):
             trajectory = self._cycle(state, early, late)
             end = trajectory.end
+            position = halfway - end.elongation
+            if cart.turns.size and end.heading > 0 and end.backward_front + position > cart.turns[1, 0]:
+                # the next return stroke meets fresh mix, as after a turn here: the track of the last is without effect
+                end = end._replace(backward_front=cart.turns[1, 0] - position, backward_origin=-position)
             place, residual = (np.array(each)[free] / units for each in (state, np.subtract(end, state)))
             size, amplitude = np.abs(residual).max(), max(1.0, np.abs(place[:2]).max())
             if size <= CLOSURE_TOLERANCE * self.tolerance * amplitude and end[2:4] == state[2:4]:

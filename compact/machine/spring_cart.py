@@ -38,7 +38,7 @@ from compact.machine.spring_forces import (
     SpringCart,
     pull_on_cart,
     resistance,
-    share_of,
+    shares_of,
     smooth_range,
     stiction_limits,
     turn,
@@ -56,7 +56,8 @@ PLATE_REST_SPEED = 1e-6  # [-], of the fastest speed; a slower cart does not reb
 NEWTON_STEPS = 12  # [-], of the collocation; 1 for dry friction, 2 to 4 are usual
 NEWTON_TOLERANCE = 1e-2  # [-], of the tolerance; residual of the equation of motion
 MIN_RATIO, SAFETY = 0.1, 0.9  # [-], of the step control
-RESOLVED = 1e-3  # [-], of the tolerance; a smaller defect may be rounding and does not lengthen a step further
+RESOLVED = 1e-6  # [-], of the tolerance; a smaller defect may be rounding and does not lengthen a step further
+AFTER_EVENT = 100.0  # [-], of the part of a step before an event; a longer step does not follow it
 OVERSHOOT = 1.01  # [-], of the time to an event; a shorter step contains it
 STEPS_PER_OCTAVE = 8  # [-], of the grid of steps, so that rounding does not change them
 MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are rounding
@@ -113,35 +114,42 @@ def _eliminate(matrix, right):
 
 
 @internal
-def _collocate(cart, state, within, h, step):
-    """Fill in e, e' and e'' at the nodes of a step of h [s] of a sliding cart; returns true for a converged solution.
+def _collocate(cart, state, within, h, step, mix):
+    """Fill in e, e', e'' and both shares at the nodes of a step of h [s] of a sliding cart, and the force of the mix.
 
-    The unknowns are e'' at all nodes.
+    The unknowns are e'' at all nodes; the first iteration takes the resistance as linear about the start. Returns true
+    for a converged solution.
     """
     n, flank, zone, limit = ORDER + 1, state[FLANK], state[ZONE], NEWTON_TOLERANCE * cart.tolerance
-    matrix, gap, worst = np.empty((n, n)), np.empty(n), np.inf
+    matrix, gap, slopes, worst = np.empty((n, n)), np.empty(n), np.empty((2, n)), np.inf
     step[3, 0], step[4, 0] = state[ELONGATION], step[1, 0] - state[VELOCITY]
     for i in range(n):
         step[5, i] = 0.0
-    for _ in range(NEWTON_STEPS):
+    for attempt in range(NEWTON_STEPS):
         for k in range(4, 2, -1):
             for i in range(1, n):
                 step[k, i] = step[k, 0] + h * _product(FROM_START, i, step[k + 1])
-        worst = 0.0
+        worst, start = 0.0, step[0, 0] - step[3, 0]
         for i in range(n):
             y, e, rate = step[0, i], step[3, i], step[4, i]
-            travel = within.slip * (y - e - state[TURN])
-            force, damping, steep = resistance(cart, within, step[1, i] - rate, travel)
+            position, velocity = y - e, step[1, i] - rate
+            if attempt > 0 or i == 0:
+                travel = within.slip * (position - state[TURN])
+                found = resistance(cart, within, velocity, travel)
+                force, damping, steep, mix[i], step[6, i], step[7, i] = found
+            else:
+                force = found[0] + damping * (velocity - state[VELOCITY]) + steep * (position - start)
             pull, stiffness = pull_on_cart(cart, flank, zone, y, e, rate)
-            gap[i] = cart.mass * (step[2, i] - step[5, i]) + force - pull
+            gap[i], slopes[0, i], slopes[1, i] = cart.mass * (step[2, i] - step[5, i]) + force - pull, damping, steep
             if not abs(gap[i]) <= worst:
                 worst = abs(gap[i]) if math.isfinite(gap[i]) else np.inf
-            for j in range(n):
-                matrix[i, j] = (cart.damping + damping) * h * FROM_START[i, j]
-                matrix[i, j] += (stiffness + steep) * h**2 * TWICE_FROM_START[i, j]
-            matrix[i, i] += cart.mass
-        if worst <= limit or worst == np.inf:
+        if (worst <= limit and attempt > 0) or worst == np.inf:
             break
+        for i in range(n):
+            damping, steep = h * (cart.damping + slopes[0, i]), h**2 * (stiffness + slopes[1, i])
+            for j in range(n):
+                matrix[i, j] = damping * FROM_START[i, j] + steep * TWICE_FROM_START[i, j]
+            matrix[i, i] += cart.mass
         _eliminate(matrix, gap)
         for i in range(n):
             step[5, i] += gap[i]
@@ -225,12 +233,11 @@ def _fall(values, end, slopes, coefficients):
 
 
 @internal
-def _find_wheel_margins(cart, state, within, step, margins):
-    """Fill in the margins to the change of sign of both wheel reactions."""
-    slip, band = within.slip, BAND * cart.force_scale
+def _find_wheel_margins(cart, within, loads, mix, margins):
+    """Fill in the margins to the change of sign of both wheel reactions, by the shares of the load."""
+    band = BAND * cart.force_scale
     for i in range(ORDER + 1):
-        travel = slip * (step[0, i] - step[3, i] - state[TURN])
-        front, rear = wheel_friction(cart, within, step[1, i] - step[4, i], travel)
+        front, rear = wheel_friction(cart, within, mix[i], loads[i])
         margins[8, i], margins[9, i] = band + within.signs[0] * front, band + within.signs[1] * rear
     for k in range(2):
         start = margins[8 + k, 0]
@@ -239,7 +246,7 @@ def _find_wheel_margins(cart, state, within, step, margins):
 
 
 @internal
-def _find_margins(cart, state, within, limits, step, margins, events):
+def _find_margins(cart, state, within, limits, step, mix, margins, events):
     """Fill in the margins to all events of a step at its nodes; an event is the fall of its margin below zero."""
     slip, flank, zone, scale = within.slip, state[FLANK], state[ZONE], cart.force_scale
     fastest = cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
@@ -274,7 +281,7 @@ def _find_margins(cart, state, within, limits, step, margins, events):
     if slip != 0 and low == 0:
         events[1] = STOPPED
     if slip != 0 and len(cart.turns) > 0:
-        _find_wheel_margins(cart, state, within, step, margins)
+        _find_wheel_margins(cart, within, step[7], mix, margins)
     start, slope, band = margins[0, 0], 0.0, FORCE_BAND * scale
     for i in range(ORDER + 1):
         slope += SLOPES[0, i] * margins[0, i]
@@ -313,15 +320,15 @@ def _cut(polynomial, scale, h, u, step, work):
 
 
 @inlined
-def _fill_shares(cart, state, within, position, step):
-    """Fill in the shares of force and load at the nodes of a step; at rest those of the last heading."""
+def _fill_shares(cart, state, within, slip, position, end, step):
+    """Fill in both shares at the nodes of a cut step, or at rest; there those of the last heading."""
     if len(cart.turns) > 0 and within.slip == 0:
         within, _ = smooth_range(cart, state, state[HEADING], 0.0, position)
-    for k in range(2):
-        for i in range(ORDER + 1):
-            step[6 + k, i] = 1.0
-            if len(cart.turns) > 0:
-                step[6 + k, i] = share_of(cart, within, k, within.slip * (step[0, i] - step[3, i] - state[TURN]))[0]
+    for i in range(ORDER + 1 if slip == 0 or end < 1 else 0):
+        step[6, i] = step[7, i] = 1.0
+        if len(cart.turns) > 0:
+            travel = within.slip * (step[0, i] - step[3, i] - state[TURN])
+            step[6, i], _, step[7, i], _ = shares_of(cart, within, travel)
 
 
 @inlined
@@ -356,14 +363,14 @@ def _direction(cart, state, limits, pull):
 
 
 @inlined
-def _attempt(cart, state, within, polynomial, scale, h, step):
+def _attempt(cart, state, within, polynomial, scale, h, step, mix):
     """Fill in a step of h [s]; returns the ratio of the admissible step to it, 0 for failure."""
     for channel in range(0, 3 if within.slip != 0 else 6, 3):  # for a cart at rest the driven end alone moves
         _follow(polynomial, polynomial[0] if channel == 0 else state[ELONGATION], scale, h, step, channel)
     if within.slip == 0:
         return 1.0
     state[EVALUATIONS] += ORDER
-    if not _collocate(cart, state, within, h, step):
+    if not _collocate(cart, state, within, h, step, mix):
         return 0.0
     impedance, end_stiffness = math.sqrt(cart.stiffness * cart.mass), 0.0
     if cart.damping > impedance:
@@ -380,12 +387,30 @@ def _attempt(cart, state, within, polynomial, scale, h, step):
     return ratio if defect > 1 or ratio > 1 else 1.0
 
 
+@inlined
+def _shorter_step(state, h, ratio, end):
+    """Step [s] after a failed one of h [s]; an event that ends a step which is too long may be the reason."""
+    ratio = ratio if state[ATTEMPTS] == 1 else ratio * ratio  # the defect falls faster than by its order
+    ratio = MIN_RATIO if ratio < MIN_RATIO else ratio
+    return _rounded(h * (OVERSHOOT * end if ratio < OVERSHOOT * end and end < SAFETY else ratio))
+
+
+@inlined
+def _next_step(state, h, remaining, ratio, end):
+    """Step [s] after an accepted one of h [s], of which an event leaves a part; not longer after a failed one."""
+    longer, part = _rounded(h * (ratio if state[ATTEMPTS] == 1 else 1.0)), AFTER_EVENT * end
+    if h == remaining and state[STEP] > longer:
+        longer = state[STEP]
+    limit = h * (part if part > MIN_RATIO else MIN_RATIO)
+    return longer if longer < limit else _rounded(limit)
+
+
 @compiled
 def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Array, attempts: int) -> tuple[int, int]:
     """Continue an integration by at most `attempts` attempts; returns the status and the number of filled rows."""
     filled, fastest = 0, cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
     step, polynomial = np.empty((CHANNELS, ORDER + 1)), np.empty(law.coefficients.shape[1])
-    margins, events, work = np.empty((EVENTS, ORDER + 1)), np.empty(EVENTS), np.empty((2, ORDER + 1))
+    margins, events, work = np.empty((EVENTS, ORDER + 1)), np.empty(EVENTS), np.empty((3, ORDER + 1))
     for _ in range(attempts):
         piece = int(state[PIECE])
         if piece == len(law.coefficients):
@@ -411,22 +436,20 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
 
         # one attempt, up to its first event
         h = remaining if (slip == 0 and state[ATTEMPTS] == 1) or state[STEP] > remaining else state[STEP]
-        ratio, end, event = _attempt(cart, state, within, polynomial, width, h, step), 1.0, NO_EVENT
-        _find_margins(cart, state, within, limits, step, margins, events)
+        ratio, end, event = _attempt(cart, state, within, polynomial, width, h, step, work[2]), 1.0, NO_EVENT
+        _find_margins(cart, state, within, limits, step, work[2], margins, events)
         for k in range(EVENTS if ratio > 0 else 0):
             place = _fall(margins[k], end, work[0], work[1])
             end, event = (place, events[k]) if place < end else (end, event)
-        if ratio < 1:  # where an event ends a step that is too long, it may be the reason
-            ratio = MIN_RATIO if ratio < MIN_RATIO else ratio
-            state[STEP] = _rounded(h * (OVERSHOOT * end if ratio < OVERSHOOT * end and end < SAFETY else ratio))
+        if ratio < 1:
+            state[STEP] = _shorter_step(state, h, ratio, end)
             continue
         if slip == 0:
             if end < 0.25 and h > 8 * MIN_STEP * width:  # a shorter step locates the breakaway behind a stiff spring
                 state[STEP] = _rounded(2 * end * h if end * h > 2 * MIN_STEP * width else 4 * MIN_STEP * width)
                 continue
         else:
-            longer = _rounded(h * ratio)
-            state[STEP] = state[STEP] if h == remaining and state[STEP] > longer else longer
+            state[STEP] = _next_step(state, h, remaining, ratio, end)
         if end < 1:
             _cut(polynomial, width, h, end, step, work[0])
         if _largest_speed(step) > fastest:
@@ -437,7 +460,7 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
             row = rows[filled]
             row[0], row[1], row[2] = law.breaks[piece] + state[FRACTION] * width, end * h, slip
             row[3], row[4], row[5] = state[FLANK], state[ZONE], state[HEADING]
-            _fill_shares(cart, state, within, position, step)
+            _fill_shares(cart, state, within, slip, position, end, step)
             for k in range(step.size):
                 row[ROW_HEAD + k] = step.flat[k]
             filled += 1

@@ -196,22 +196,28 @@ def _fading(travel, length):
 
 
 @internal
-def share_of(cart, within, k, travel) -> tuple[float, float]:
-    """Return the share of the force (k = 0) or the load (k = 1) at a travel since the turn, and its slope [1/m]."""
+def shares_of(cart, within, travel) -> tuple[float, float, float, float]:
+    """Return the share of the force at a travel since the turn and its slope [1/m], and those of the load."""
     row = 0 if within.slip > 0 else 1
-    release, track = cart.turns[row, RELEASE], cart.turns[row, TRACK + k]
+    release, track, load_track = cart.turns[row, RELEASE], cart.turns[row, TRACK], cart.turns[row, TRACK + 1]
     if within.gap > 0:
         value, slope = _fading(travel - within.gap, release)
-        rise = within.at_front[k] - track
-        value, slope = track + rise * value, rise * slope
+        rise, load_rise = within.at_front[0] - track, within.at_front[1] - load_track
+        share, steepness, load, change = (
+            track + rise * value,
+            rise * slope,
+            load_track + load_rise * value,
+            load_rise * slope,
+        )
     else:
-        i = FORWARD + 2 * row + k
-        first, end = cart.firsts[i], cart.firsts[i + 1]
-        value, slope = table_value(cart.pieces, first, end, travel + within.offset, within.travelled, within.farthest)
-    if within.released[k] != 0:
-        fading, steepness = _fading(-travel, release)
-        value, slope = value - within.released[k] * fading, slope + within.released[k] * steepness
-    return value, slope
+        i, place, low, high = FORWARD + 2 * row, travel + within.offset, within.travelled, within.farthest
+        share, steepness = table_value(cart.pieces, cart.firsts[i], cart.firsts[i + 1], place, low, high)
+        load, change = table_value(cart.pieces, cart.firsts[i + 1], cart.firsts[i + 2], place, low, high)
+    if within.released[0] != 0 or within.released[1] != 0:
+        value, slope = _fading(-travel, release)
+        share, steepness = share - within.released[0] * value, steepness + within.released[0] * slope
+        load, change = load - within.released[1] * value, change + within.released[1] * slope
+    return share, steepness, load, change
 
 
 @internal
@@ -222,13 +228,12 @@ def force_of_mix(cart, within, velocity) -> tuple[float, float]:
 
 
 @internal
-def resistance(cart, within, velocity, travel) -> tuple[float, float, float]:
-    """Return R [N], dR/dv [N s/m] and dR/dx [N/m], continued beyond a smooth range."""
+def resistance(cart, within, velocity, travel) -> tuple[float, float, float, float, float, float]:
+    """Return R [N], dR/dv [N s/m] and dR/dx [N/m], continued beyond a smooth range, and of the mix force and shares."""
     force, damping = force_of_mix(cart, within, velocity)
     if len(cart.turns) == 0:
-        return force, damping, 0.0
-    share, steepness = share_of(cart, within, 0, travel)
-    load, rise = share_of(cart, within, 1, travel)
+        return force, damping, 0.0, force, 1.0, 1.0
+    share, steepness, load, rise = shares_of(cart, within, travel)
     row, slip, gain, friction, over_load = 0 if within.slip > 0 else 1, within.slip, 1.0, 0.0, 0.0
     for i in range(2):
         sign = slip * within.signs[i]
@@ -236,15 +241,14 @@ def resistance(cart, within, velocity, travel) -> tuple[float, float, float]:
         over_load += sign * cart.wheels[row, i, 1]
         friction += sign * cart.wheels[row, i, 0]
     total = gain * share * force + over_load * load + friction
-    return total, gain * share * damping, slip * (gain * steepness * force + over_load * rise)
+    slope = slip * (gain * steepness * force + over_load * rise)
+    return total, gain * share * damping, slope, share * force, share, load
 
 
 @internal
-def wheel_friction(cart, within, velocity, travel) -> tuple[float, float]:
-    """Return the friction of both guide wheels [N], with the signs of their reactions."""
+def wheel_friction(cart, within, force, load) -> tuple[float, float]:
+    """Return the friction of both guide wheels [N] by force [N] and load share of the mix, with their signs."""
     row = 0 if within.slip > 0 else 1
-    force, load = share_of(cart, within, 0, travel)[0], share_of(cart, within, 1, travel)[0]
-    force *= force_of_mix(cart, within, velocity)[0]
     front, rear = cart.wheels[row, 0], cart.wheels[row, 1]
     return front[0] + front[1] * load + front[2] * force, rear[0] + rear[1] * load + rear[2] * force
 
@@ -339,7 +343,8 @@ def smooth_range(cart, state, slip, velocity, position) -> tuple[SmoothRange, fl
     signs = np.ones(2)
     within = SmoothRange(slip, low, high, travelled, farthest, offset, gap, event, at_front, released, signs)
     if wheels:
-        front, rear = wheel_friction(cart, within, velocity, travel)
+        _, _, _, force, _, load = resistance(cart, within, velocity, travel)
+        front, rear = wheel_friction(cart, within, force, load)
         signs[0], signs[1] = 1.0 if front >= 0 else -1.0, 1.0 if rear >= 0 else -1.0
     return within, travel
 
