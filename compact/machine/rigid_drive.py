@@ -211,15 +211,22 @@ class InverseDynamics:
         forces = self.state_at(leg, phase).forces
         return np.where(wheel == 0, forces.front_reaction, forces.rear_reaction)
 
-    def largest(self, quantity: Callable[[Leg, Array], Array]) -> float:
-        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
+    def largest(self, quantity: Callable[[Leg, DriveState], Array]) -> float:
+        """Return the largest |quantity(leg, state)| over the cycle, also between samples."""
 
         def magnitude(leg: Leg, phase: Array) -> Array:
-            return np.abs(quantity(leg, phase))
+            return np.abs(quantity(leg, self.state_at(leg, phase)))
 
         return max(
-            find_maximum(partial(magnitude, leg), interior_grid(self.breaks(leg)))[0] for leg in self.cycle.legs()
+            find_maximum(partial(magnitude, leg), grid, np.abs(quantity(leg, state)))[0]
+            for leg, grid, state in self._resolved
         )
+
+    @cached_property
+    def _resolved(self):
+        """Legs with the grids on which maxima are bracketed, and the states there."""
+        grids = [(leg, interior_grid(self.breaks(leg))) for leg in self.cycle.legs()]
+        return [(leg, grid, self.state_at(leg, grid)) for leg, grid in grids]
 
     @cached_property
     def _zones(self):
@@ -318,8 +325,7 @@ class Run:
 
     def largest(self, quantity: Callable[[DriveState], Array]) -> float:
         """Return the largest |quantity(state)| over the cycle, also between samples."""
-        dynamics = self.inverse_dynamics
-        return dynamics.largest(lambda *at: quantity(dynamics.state_at(*at)))
+        return self.inverse_dynamics.largest(lambda _, state: quantity(state))
 
     @property
     def impulses(self) -> tuple[Discontinuity, ...]:

@@ -171,11 +171,11 @@ class RollerMotor:
     roller: CreepFreeRoller | DrivenRoller
     rollers: int
 
-    def traction_at(self, leg: Leg, phase: Array) -> tuple[Array, RollerTraction]:
-        """Solve velocity [m/s] and traction at phases of a leg [-]; torque and traction are positive along x."""
-        state, way = self.dynamics.state_at(leg, phase), leg.direction
+    def traction_at(self, leg: Leg, state: DriveState) -> tuple[Array, RollerTraction]:
+        """Solve velocity [m/s] and traction for a state of a leg; torque and traction are positive along x."""
+        way = leg.direction
         if way == 0:
-            return state.velocity, RollerTraction(*np.zeros((4, *np.shape(phase))))
+            return state.velocity, RollerTraction(*np.zeros((4, *state.velocity.shape)))
         roller = self.roller(np.abs(state.velocity), way * _total_pull(self.dynamics, state, way) / self.rollers)
         return state.velocity, RollerTraction(way * roller.torque, way * roller.traction, roller.share, roller.creep)
 
@@ -186,7 +186,8 @@ class RollerMotor:
         for leg in self.dynamics.cycle.legs():
             phase = (time - leg.start) / leg.duration
             within = (phase >= 0) & (phase <= 1)
-            velocity, traction = self.traction_at(leg, np.clip(phase[within], BREAK_OFFSET, 1 - BREAK_OFFSET))
+            state = self.dynamics.state_at(leg, np.clip(phase[within], BREAK_OFFSET, 1 - BREAK_OFFSET))
+            velocity, traction = self.traction_at(leg, state)
             columns[:, within] = velocity, *traction
         return columns[0], RollerTraction(*columns[1:])
 
@@ -243,7 +244,7 @@ class RollerMotor:
 
     def _largest(self, quantity: Callable[..., Array]) -> float:
         """Return the largest |quantity(velocity, traction)| over the cycle, also between samples."""
-        return self.dynamics.largest(lambda leg, phase: quantity(*self.traction_at(leg, phase)))
+        return self.dynamics.largest(lambda leg, state: quantity(*self.traction_at(leg, state)))
 
 
 def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> Array:

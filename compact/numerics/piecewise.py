@@ -58,12 +58,13 @@ def interior_grid(breaks: Array, steps: int = 64) -> Array:
     return np.clip(low + (high - low) * graded_grid(np.array([0.0, 1.0]), steps), low, high)
 
 
-def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
+def find_maximum(function: Function, grid: Array, values: Array | None = None) -> tuple[float, float]:
     """Find the global maximum of a function and its position on a grid of pieces as of `interior_grid`.
 
-    Local maxima are bracketed on the grid and located by repeated subdivision of the two best cells.
+    Local maxima are bracketed by the values on the grid, computed by default, and located by repeated subdivision of
+    the two best cells.
     """
-    values = function(grid)
+    values = function(grid) if values is None else values
     best = np.unravel_index(np.argmax(values), values.shape)
     left, middle, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
     with np.errstate(invalid="ignore"):  # -inf - -inf
@@ -95,12 +96,16 @@ def find_sign_changes(
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
     at_low, at_high, nearest, least = values[rows, columns], values[rows, columns + 1], low, np.full(low.shape, np.inf)
+    before, rounding = low, BREAK_OFFSET * (grid[-1] - grid[0])
     for _ in range(iterations if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
             place = high - at_high * (high - low) / (at_high - at_low)
         place = np.where((place > low) & (place < high), place, (low + high) / 2)
         here = function(place, rows)
         nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
+        if np.all((np.abs(place - before) <= rounding) | (here == 0)):
+            break
+        before = place
         upper = (here < 0) == (at_high < 0)
         low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
         high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)

@@ -90,7 +90,10 @@ def test_pin_force_is_zero():
     motors = motor(guide_friction=0.1, weight=19.4e3, end_springs=springs)
     for leg in motors.dynamics.cycle.legs():
         phase = np.linspace(0.01, 0.99, 50)
-        state, (_, result) = motors.dynamics.state_at(leg, phase), motors.traction_at(leg, phase)
+        state, (_, result) = (
+            motors.dynamics.state_at(leg, phase),
+            motors.traction_at(leg, motors.dynamics.state_at(leg, phase)),
+        )
         zones = springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.breakpoints())
         end_force = springs.force(state.position, zones.side_at(phase))
         left = state.resistance - ROLLERS * result.torque / R
