@@ -56,7 +56,8 @@ PLATE_REST_SPEED = 1e-6  # [-], of the fastest speed; a slower cart does not reb
 NEWTON_STEPS = 12  # [-], of the collocation; 1 for dry friction, 2 to 4 are usual
 NEWTON_TOLERANCE = 1e-2  # [-], of the tolerance; residual of the equation of motion
 MIN_RATIO, SAFETY = 0.1, 0.9  # [-], of the step control
-RESOLVED = 3e-12  # [-], of the force scale; a smaller defect may be rounding and does not lengthen a step further
+RESOLVED = 1e-3  # [-], of the tolerance; a smaller defect may be rounding and does not lengthen a step further
+ROUNDING = 3e-12  # [-], of the force scale; likewise, where the tolerance is coarse
 AFTER_EVENT = 100.0  # [-], of the part of a step before an event; a longer step does not follow it
 OVERSHOOT = 1.01  # [-], of the time to an event; a shorter step contains it
 STEPS_PER_OCTAVE = 8  # [-], of the grid of steps, so that rounding does not change them
@@ -377,7 +378,8 @@ def _attempt(cart, state, within, polynomial, scale, h, step, mix):
         impedance = cart.damping
     if abs(state[ZONE]) == NEAR_SPRING:
         end_stiffness = cart.end_stiffness
-    defect = RESOLVED * cart.force_scale / cart.tolerance
+    defect = ROUNDING * cart.force_scale / cart.tolerance
+    defect = defect if defect < RESOLVED else RESOLVED
     for k in range(ORDER - 1, ORDER + 1):  # the last two Chebyshev coefficients
         for channel in range(3, 6):
             weight = cart.stiffness + end_stiffness if channel == 3 else impedance if channel == 4 else cart.mass
