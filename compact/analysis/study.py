@@ -30,6 +30,7 @@ from compact.analysis.stages.contacts import Count, contact_stage, no_count
 from compact.analysis.stages.laws import CamDrawing
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.worker_pool import Executor, Job, SerialExecutor
+from compact.files import results_key
 from compact.scene.loader import Scene
 
 
@@ -98,6 +99,7 @@ class Study:
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
             prior=self.__dict__.get("_prior", found.prior),
+            uncertainty=(self._key, self.uncertainty) if self.__dict__.get("uncertainty") else found.uncertainty,
         )  # fmt: skip
         yield from kept_results.write_results(directory, found, contacts.key)
 
@@ -148,8 +150,16 @@ class Study:
         wanted = "report" in self.scene.output.items and any(each.valid for each in self.models)
         if not (wanted and self.nominal_verdicts):
             return None
+        kept = self.stages.contacts.kept
+        if kept and kept.uncertainty and kept.uncertainty[0] == self._key:
+            return kept.uncertainty[1]
         self.count("uncertainty")
         return ranking_uncertainty(self)
+
+    @property
+    def _key(self) -> str:
+        """Hash of all inputs of the study, under which its uncertainty is kept."""
+        return results_key(self.scene.hash, self.durations)
 
     @cached_property
     def candidates(self) -> tuple[str, ...]:

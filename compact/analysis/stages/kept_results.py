@@ -2,6 +2,7 @@
 
 Kept results serve every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds, tables
 of the mix, versions and sources. Cart, laws, drive and output are not in the key. A file that has changed is not used.
+The uncertainty of the ranking depends on all of the scene, and has a key of its own.
 """
 
 import logging
@@ -27,6 +28,7 @@ from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
+    from compact.analysis.stages.uncertainty import RankingUncertainty
     from compact.engines.process.lifts import KnownLifts
 
 MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
@@ -45,6 +47,7 @@ RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "model_spread": lambda: ModelSpread,
     "prior": lambda: tuple[float, float],
     "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
+    "uncertainty": lambda: tuple[str, import_module("compact.analysis.stages.uncertainty").RankingUncertainty],
 }
 _LOG = logging.getLogger(__name__)
 
@@ -65,6 +68,8 @@ class KeptResults:
         Lumped lifts of a forming process in two dimensions.
     prior : tuple of float or None
         Load on a roller and resistance of a cart with nothing fitted [N].
+    uncertainty : tuple or None
+        Key of a whole scene, and the `RankingUncertainty` of its study.
     """
 
     contacts: list[Contact]
@@ -76,6 +81,7 @@ class KeptResults:
     lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
     prior: tuple[float, float] | None = None
+    uncertainty: "tuple[str, RankingUncertainty] | None" = None
 
 
 def contacts_key(scene: Scene, mix: Mix) -> str:
