@@ -185,9 +185,13 @@ def read_table(path: Path | Traversable, columns: Sequence[str] = ()) -> list[tu
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
     """Write rows of numbers, with 12 digits, and words."""
     with atomic_file(path) as stream:
-        writer = csv.writer(stream, lineterminator="\n")
+        writer, numbers = csv.writer(stream, lineterminator="\n"), ",".join(["%.12g"] * len(header)) + "\n"
         writer.writerow(header)
-        writer.writerows([f"{value:.12g}" if isinstance(value, float) else value for value in row] for row in rows)
+        for row in rows:
+            if all(type(value) is float for value in row):
+                stream.write(numbers % tuple(row))
+            else:
+                writer.writerow([f"{value:.12g}" if isinstance(value, float) else value for value in row])
     return path
 
 

@@ -74,13 +74,16 @@ def find_maximum(function: Function, grid: Array, values: Array | None = None) -
     rises = (middle + bend >= values[best]) & (bend > BREAK_OFFSET * np.abs(values[best]))
     rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)
     low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
-    maxima = [(float(values[best]), float(grid[best]))]
+    maxima, rounding = [(float(values[best]), float(grid[best]))], BREAK_OFFSET * np.abs(values[best])
     for _ in range(ZOOM_LEVELS if rows.size else 0):
         points = low + (high - low) * np.linspace(0, 1, ZOOM_CELLS + 1)
         values = function(points)
         highest = values.argmax(axis=1)[:, None]
         maxima.append((float(values.max()), float(points[np.unravel_index(np.argmax(values), values.shape)])))
-        low, high = (np.take_along_axis(points, np.clip(highest + step, 0, ZOOM_CELLS), axis=1) for step in (-1, 1))
+        beside = [np.clip(highest + step, 0, ZOOM_CELLS) for step in (-1, 1)]
+        low, high = (np.take_along_axis(points, each, axis=1) for each in beside)
+        if maxima[-1][0] - min(np.take_along_axis(values, each, axis=1).min() for each in beside) <= rounding:
+            break
     return max(maxima)
 
 

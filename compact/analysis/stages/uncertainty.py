@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc, sobol_indices, uniform
 
 from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
@@ -370,6 +369,8 @@ def mix_spread(
     MixSpread or None
         None where columns do not cover the scene.
     """
+    from scipy.stats import qmc  # half a second, for fresh results only
+
     try:
         columns = scene.with_engine("column") if process is None else scene
     except ValueError:
@@ -443,6 +444,8 @@ def _fed(scene: Scene) -> tuple[str, float]:
 
 def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> dict[str, float]:
     """Return the total Sobol index of each parameter in a peak [-], by the fit of the resistance."""
+    from scipy.stats import sobol_indices, uniform
+
     coefficients = np.array(mix.coefficients)
 
     def peak(shares: NDArray[np.float64]) -> NDArray[np.float64]:
