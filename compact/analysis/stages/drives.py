@@ -74,18 +74,18 @@ class DriveStage:
 
     @cached_property
     def heavier_runs(self) -> Runs | None:
-        """Runs under the resistance plus its error, as exact as an ensemble requires; None without error estimate.
+        """Runs under the resistance plus its error; None without error estimate.
 
         A law that the drive cannot follow under this resistance has no run.
         """
         if self.resistance.error is None:
             return None
         heavier = self.resistance.map.scaled(1 + self.resistance.error)
-        return self._runs(self.resistance.along_stroke(heavier), RuntimeError, self.model.make_for_peaks)
+        return self._runs(self.resistance.along_stroke(heavier), RuntimeError)
 
-    def _runs(self, resistance: ResistanceLaw, *options: Any) -> Runs:
+    def _runs(self, resistance: ResistanceLaw, tolerated: type[Exception] | tuple[type[Exception], ...] = ()) -> Runs:
         cart, begin = self.resistance.cart, partial(self.count, "runs")
-        return dict(simulate_laws(self.scene, cart, self.cycles, resistance, begin, *options))
+        return dict(simulate_laws(self.scene, cart, self.cycles, resistance, tolerated, begin))
 
     @cached_property
     def rankings(self) -> dict[str, list[Ranked]]:
@@ -168,8 +168,8 @@ def simulate_laws(
     cart: Cart,
     cycles: Mapping[str, Cycle],
     resistance: ResistanceLaw,
-    begin: Callable[[], object] = lambda: None,
     tolerated: type[Exception] | tuple[type[Exception], ...] = (),
+    begin: Callable[[], object] = lambda: None,
     make: Callable[[Scene, Cycle], Any] | None = None,
 ) -> Iterator[tuple[str, Any]]:
     """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
@@ -178,10 +178,10 @@ def simulate_laws(
     ----------
     resistance : callable
         Resistance of one cart [N], a function of velocity and acceleration.
-    begin : callable
-        Called before each law.
     tolerated : type, optional
         Error for which a law has no run.
+    begin : callable
+        Called before each law.
     make : callable, optional
         Builds the drive of a law; that of the scene by default.
 

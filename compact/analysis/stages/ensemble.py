@@ -333,7 +333,7 @@ def drive_peaks(
     laws = cycles.get(change.label, cycles[""])
     drive = DRIVES[scene.drive.kind]
     met = change.resistance or resistance
-    runs = dict(simulate_laws(scene, cart, laws, met, tolerated=UNFOLLOWED, make=drive.make_for_peaks))
+    runs = dict(simulate_laws(scene, cart, laws, met, UNFOLLOWED, make=drive.make_for_peaks))
     if drive.realises and change.keys:
         made = {name: drive.realised_peaks(run) for name, run in runs.items()}
         return {by: {name: peaks[by] for name, peaks in made.items() if by in peaks} for by in criteria}
