@@ -99,7 +99,8 @@ class Study:
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
             prior=self.__dict__.get("_prior", found.prior),
-            uncertainty=(self._key, self.uncertainty) if self.__dict__.get("uncertainty") else found.uncertainty,
+            uncertainty=(known := self.__dict__.get("uncertainty")) or found.uncertainty,
+            uncertainty_key=self._key if known else found.uncertainty_key,
         )  # fmt: skip
         yield from kept_results.write_results(directory, found, contacts.key)
 
@@ -151,15 +152,16 @@ class Study:
         if not (wanted and self.nominal_verdicts):
             return None
         kept = self.stages.contacts.kept
-        if kept and kept.uncertainty and kept.uncertainty[0] == self._key:
-            return kept.uncertainty[1]
+        if kept and kept.uncertainty and kept.uncertainty_key == self._key:
+            return kept.uncertainty
         self.count("uncertainty")
         return ranking_uncertainty(self)
 
     @property
     def _key(self) -> str:
-        """Hash of all inputs of the study, under which its uncertainty is kept."""
-        return results_key(self.scene.hash, self.durations)
+        """Hash of all inputs of the study and of the peaks of all models, under which its uncertainty is kept."""
+        peaks = [each.values(*self.case, by) for each in self.models for by in self.sizing_peaks]
+        return results_key(self.scene.hash, self.durations, peaks)
 
     @cached_property
     def candidates(self) -> tuple[str, ...]:

@@ -331,6 +331,22 @@ def test_second_run_reuses_every_contact(left, written):
     assert json.loads((written / "summary.json").read_text())["contacts"] == summary["contacts"]
 
 
+def test_uncertainty_is_kept_for_the_same_scene_alone(tmp_path):
+    rolled = {
+        "accuracy.engine": "column",
+        "contact.speeds": [0.05, 0.2],
+        "layer.lift_thickness": 0.03,
+        "motion.laws": ["quintic"],
+    }
+    scene = load_scene("small", **rolled, **{"output.items": ["report"]})
+    first, again = (Study(scene, directory=tmp_path) for _ in range(2))
+    other = Study(scene.replaced(**{"machine.mass": 900.0}), directory=tmp_path)
+    assert first.uncertainty is not None
+    list(first.keep(tmp_path, []))
+    assert again.uncertainty == first.uncertainty != other.uncertainty
+    assert [each.counts["uncertainty"] for each in (first, again, other)] == [1, 0, 1]
+
+
 @pytest.mark.parametrize(
     ("changes", "reused"),
     [

@@ -47,7 +47,8 @@ RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "model_spread": lambda: ModelSpread,
     "prior": lambda: tuple[float, float],
     "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
-    "uncertainty": lambda: tuple[str, import_module("compact.analysis.stages.uncertainty").RankingUncertainty],
+    "uncertainty": lambda: import_module("compact.analysis.stages.uncertainty").RankingUncertainty,
+    "uncertainty_key": lambda: str,
 }
 _LOG = logging.getLogger(__name__)
 
@@ -68,8 +69,8 @@ class KeptResults:
         Lumped lifts of a forming process in two dimensions.
     prior : tuple of float or None
         Load on a roller and resistance of a cart with nothing fitted [N].
-    uncertainty : tuple or None
-        Key of a whole scene, and the `RankingUncertainty` of its study.
+    uncertainty, uncertainty_key : RankingUncertainty or None, and str
+        Uncertainty of the ranking, and the key of the whole scene to which it belongs.
     """
 
     contacts: list[Contact]
@@ -81,7 +82,8 @@ class KeptResults:
     lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
     prior: tuple[float, float] | None = None
-    uncertainty: "tuple[str, RankingUncertainty] | None" = None
+    uncertainty: "RankingUncertainty | None" = None
+    uncertainty_key: str = ""
 
 
 def contacts_key(scene: Scene, mix: Mix) -> str:
