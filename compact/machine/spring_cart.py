@@ -57,8 +57,6 @@ NEWTON_STEPS = 12  # [-], of the collocation; 1 for dry friction, 2 to 4 are usu
 NEWTON_TOLERANCE = 1e-2  # [-], of the tolerance; residual of the equation of motion
 MIN_RATIO, SAFETY = 0.1, 0.9  # [-], of the step control
 RESOLVED = 1e-3  # [-], of the tolerance; a smaller defect may be rounding and does not lengthen a step further
-ROUNDING = 3e-12  # [-], of the force scale; likewise, where the tolerance is coarse
-AFTER_EVENT = 100.0  # [-], of the part of a step before an event; a longer step does not follow it
 OVERSHOOT = 1.01  # [-], of the time to an event; a shorter step contains it
 STEPS_PER_OCTAVE = 8  # [-], of the grid of steps, so that rounding does not change them
 MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are rounding
@@ -378,8 +376,7 @@ def _attempt(cart, state, within, polynomial, scale, h, step, mix):
         impedance = cart.damping
     if abs(state[ZONE]) == NEAR_SPRING:
         end_stiffness = cart.end_stiffness
-    defect = ROUNDING * cart.force_scale / cart.tolerance
-    defect = defect if defect < RESOLVED else RESOLVED
+    defect = RESOLVED
     for k in range(ORDER - 1, ORDER + 1):  # the last two Chebyshev coefficients
         for channel in range(3, 6):
             weight = cart.stiffness + end_stiffness if channel == 3 else impedance if channel == 4 else cart.mass
@@ -390,21 +387,10 @@ def _attempt(cart, state, within, polynomial, scale, h, step, mix):
 
 
 @inlined
-def _shorter_step(state, h, ratio, end):
+def _shorter_step(h, ratio, end):
     """Step [s] after a failed one of h [s]; an event that ends a step which is too long may be the reason."""
-    ratio = ratio if state[ATTEMPTS] == 1 else ratio * ratio  # the defect falls faster than by its order
     ratio = MIN_RATIO if ratio < MIN_RATIO else ratio
     return _rounded(h * (OVERSHOOT * end if ratio < OVERSHOOT * end and end < SAFETY else ratio))
-
-
-@inlined
-def _next_step(state, h, remaining, ratio, end):
-    """Step [s] after an accepted one of h [s], of which an event leaves a part; not longer after a failed one."""
-    longer, part = _rounded(h * (ratio if state[ATTEMPTS] == 1 else 1.0)), AFTER_EVENT * end
-    if h == remaining and state[STEP] > longer:
-        longer = state[STEP]
-    limit = h * (part if part > MIN_RATIO else MIN_RATIO)
-    return longer if longer < limit else _rounded(limit)
 
 
 @compiled
@@ -444,14 +430,15 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
             place = _fall(margins[k], end, work[0], work[1])
             end, event = (place, events[k]) if place < end else (end, event)
         if ratio < 1:
-            state[STEP] = _shorter_step(state, h, ratio, end)
+            state[STEP] = _shorter_step(h, ratio, end)
             continue
         if slip == 0:
             if end < 0.25 and h > 8 * MIN_STEP * width:  # a shorter step locates the breakaway behind a stiff spring
                 state[STEP] = _rounded(2 * end * h if end * h > 2 * MIN_STEP * width else 4 * MIN_STEP * width)
                 continue
         else:
-            state[STEP] = _next_step(state, h, remaining, ratio, end)
+            longer = _rounded(h * ratio)
+            state[STEP] = state[STEP] if h == remaining and state[STEP] > longer else longer
         if end < 1:
             _cut(polynomial, width, h, end, step, work[0])
         if _largest_speed(step) > fastest:

@@ -28,7 +28,6 @@ Function = Callable[[Array], Array]
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
 ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
-ROOT_ROUNDING = 1e-14  # [-], of the largest value; a smaller one is zero
 ROOT_ITERATIONS = 16  # [-], of the Illinois method from a graded grid; more would follow the rounding of a flat root
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
@@ -100,19 +99,15 @@ def find_sign_changes(
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
     at_low, at_high, nearest, least = values[rows, columns], values[rows, columns + 1], low, np.full(low.shape, np.inf)
-    side, rounding = np.full(low.shape, -1), ROOT_ROUNDING * np.abs(values).max(axis=1)[rows]
     for _ in range(iterations if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
             place = high - at_high * (high - low) / (at_high - at_low)
         place = np.where((place > low) & (place < high), place, (low + high) / 2)
         here = function(place, rows)
         nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
-        if np.all(least <= rounding):
-            break
         upper = (here < 0) == (at_high < 0)
-        kept = np.where(upper == side, 0.5, 1.0)  # an end that stays twice
-        low, at_low = np.where(upper, low, place), np.where(upper, kept * at_low, here)
-        high, at_high, side = np.where(upper, place, high), np.where(upper, here, kept * at_high), upper
+        low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
+        high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
     return nearest
 
 
