@@ -37,7 +37,7 @@ from compact.turning import Share, StrokeResistance
 
 MAX_STEPS = 20_000  # [-], of a cycle; 1 kB each, a hundred are usual
 CANDIDATE = 0.9  # [-], of the largest sample; a step with smaller ones does not contain the maximum
-FINE_SAMPLES = 1025  # [-], of such a step; a parabola through three is exact to 1e-9
+FINE_SAMPLES = 2049  # [-], of such a step; a parabola through three is exact to 1e-10
 SAMPLES, WEIGHTS = clenshaw_curtis(2 * ORDER + 1)  # of a step; exact for the power, a product of two polynomials
 SAMPLED_POLYNOMIALS = chebyshev.chebvander(2 * SAMPLES - 1, ORDER).T
 FINE_POLYNOMIALS = chebyshev.chebvander(np.linspace(-1, 1, FINE_SAMPLES), ORDER).T

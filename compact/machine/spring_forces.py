@@ -203,12 +203,8 @@ def shares_of(cart, within, travel) -> tuple[float, float, float, float]:
     if within.gap > 0:
         value, slope = _fading(travel - within.gap, release)
         rise, load_rise = within.at_front[0] - track, within.at_front[1] - load_track
-        share, steepness, load, change = (
-            track + rise * value,
-            rise * slope,
-            load_track + load_rise * value,
-            load_rise * slope,
-        )
+        share, steepness = track + rise * value, rise * slope
+        load, change = load_track + load_rise * value, load_rise * slope
     else:
         i, place, low, high = FORWARD + 2 * row, travel + within.offset, within.travelled, within.farthest
         share, steepness = table_value(cart.pieces, cart.firsts[i], cart.firsts[i + 1], place, low, high)
