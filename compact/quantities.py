@@ -80,16 +80,9 @@ def unit_symbol(unit: str) -> str:
     return UNIT_SYMBOLS.get(unit, unit)
 
 
-def column_names(quantities: Mapping[str, Quantity], *names: str) -> tuple[str, ...]:
-    """Names of columns of a CSV file: field and SI unit, `load_N/m`; the field alone for a dimensionless quantity.
-
-    Parameters
-    ----------
-    *names : str
-        Fields of the record; all of them by default.
-    """
-    units = {name: quantities[name].unit for name in names or quantities}
-    return tuple(name if unit == "1" else f"{name}_{unit}" for name, unit in units.items())
+def column_names(quantities: Mapping[str, Quantity]) -> tuple[str, ...]:
+    """Names of columns of a CSV file: field and SI unit, `load_N/m`; the field alone for a number or a word."""
+    return tuple(name if each.unit in ("", "1") else f"{name}_{each.unit}" for name, each in quantities.items())
 
 
 def _table(rows: str) -> dict[str, Quantity]:
@@ -215,15 +208,6 @@ RUN = _table("""
 MOTION = _table("""
     time            | s    |      | t | time
     position        | m    |      | x | travel
-    velocity        | m/s  |      | v | velocity
-    acceleration    | m/s2 |      | a | acceleration
-    jerk            | m/s3 |      |   | jerk
-    drive_force     | N    | kN   |   | drive force along the motion
-    drive_power     | W    |      |   | drive power
-    guide_reaction  | N    | kN   |   | guide-wheel reaction
-    crank_angle     | rad  | °    |   | crank angle
-    shaft_torque    | N m  | kN m |   | shaft torque
-    shaft_power     | W    | kW   |   | shaft power
     cart_resistance | N    | kN   | F | resistance of one cart
     added_mass      | kg   |      | M | added mass
 """)

@@ -26,4 +26,7 @@ def test_labels_and_columns_have_term_symbol_and_unit():
     assert Quantity("peak drive force", "N", "kN").axis_label == "peak drive force [kN]"
     assert Quantity("acceleration", "m/s2").axis_label == "acceleration [m/s²]"
     assert Quantity("density ratio", "1", symbol="k").axis_label == "density ratio k [-]"
-    assert quantities.column_names(quantities.CONTACT, "load", "coefficient") == ("load_N/m", "coefficient")
+    assert quantities.column_names({name: quantities.CONTACT[name] for name in ("load", "coefficient")}) == (
+        "load_N/m",
+        "coefficient",
+    )

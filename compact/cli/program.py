@@ -14,6 +14,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -573,15 +574,11 @@ def validate(
         folder for the text, the table and the figures
     """
     from compact.report import validation
+    from compact.report.progress import tracked
     from compact.validation.plant_case import select_cases
 
-    cases = select_cases(names)
-    results = []
-    with console.progress(len(cases)) as progress:
-        for case in cases:
-            progress.begin(case.name)
-            results.append(case.evaluated())
-            progress.advance()
+    cases = tracked(select_cases(names), attrgetter("name"), quiet=console.quiet or bool(console.verbose))
+    results = [case.evaluated() for case in cases]
     written = [] if out is None else validation.write_validation(out, results)
     files = "".join(f"\n  {path}" for path in written)
     summaries = validation.case_summaries(results)

@@ -14,17 +14,8 @@ from matplotlib.patches import Circle
 from compact.analysis.stages.verdict import ModelAnswer
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED, Quantity
-from compact.report.figures import (
-    PALETTE,
-    PHONE_LEGEND,
-    PHONE_MARGINS,
-    ZERO,
-    curve,
-    engine_style,
-    for_phone,
-    label_decades,
-    panels,
-)
+from compact.report import figures
+from compact.report.figures import PALETTE, ZERO, curve, panels
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
 
@@ -40,7 +31,6 @@ OUTLINE_NODES = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its
 SHOWN_CONTACTS = 2.5  # [-], contact lengths shown on each side
 DEEPEST_RATIO = 2.5  # [-], height over shown half-width, up to which a layer is shown down to its base
 FIELD_PANEL_WIDTH = 3.3  # [inch]
-LEAST_BAND = 0.01  # [-], relative half-width of a band that is drawn
 SATURATED: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.1", "hatch": "/////", "linewidth": 0}
 BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
 
@@ -77,7 +67,7 @@ def draw_loads(contacts: Sequence[Contact]) -> Figure:
         errors = np.array([getattr(each, f"{error}_error") or 0.0 for each in contacts]) * np.abs(values)
         ax.errorbar(speed, values, errors, fmt="o-", color=color, markersize=4)
         ax.set(xscale="log", xlabel=SPEED.axis_label, ylabel=CONTACT[name].axis_label)
-        label_decades(ax.xaxis, *ax.get_xlim())
+        figures.label_decades(ax.xaxis)
         (low, high), least = ax.get_ylim(), LEAST_SPAN * np.abs(values).max()
         ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
     return figure
@@ -125,23 +115,22 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     speeds : mapping of str to float
         Largest speed of each law that is marked [m/s].
     """
-    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), **PHONE_MARGINS)
+    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), **figures.PHONE_MARGINS)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):
-        force, (color, _, dash) = model.steady, engine_style(model.engine)
+        force, (color, _, dash) = model.steady, figures.ENGINE_STYLES.get(model.engine, figures.OTHER_STYLE)
         speed = np.linspace(0, min(fastest, float(getattr(force, "speeds", [fastest])[-1])), 401)[1:]
         values = np.asarray(force(speed, np.zeros_like(speed))) * resistance.plot_factor
         label, width = model.engine if model.valid else f"{model.engine}*", 1.7 if number else 3.0
         ax.plot(speed, values, linestyle=dash, color=color, label=label, linewidth=width, zorder=2.5 + bool(number))
         low, high = model.spread or (1 - (model.error or 0.0), 1 + (model.error or 0.0))
-        if max(1 - low, high - 1) > LEAST_BAND:
-            ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0)
+        ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0)
         largest = max(largest, float(max(high, 1.0) * values.max()))
     for each in speeds.values():
         ax.axvline(each, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
     ax.set(xlim=(0, fastest), ylim=(0, 1.05 * largest))
-    for_phone(ax, SPEED.axis_label, resistance.axis_label)
-    figure.legend(*ax.get_legend_handles_labels(), **PHONE_LEGEND | {"ncols": 2, "columnspacing": 1.0})
+    figures.for_phone(ax, SPEED.axis_label, resistance.axis_label)
+    figure.legend(*ax.get_legend_handles_labels(), **figures.PHONE_LEGEND | {"ncols": 2, "columnspacing": 1.0})
     return figure
 
 
@@ -190,9 +179,8 @@ def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence
         deep = height > DEEPEST_RATIO * reach
         low, high = height - DEEPEST_RATIO * reach if deep else -0.08 * reach, height + 0.35 * reach
     width = FIELD_PANEL_WIDTH if len(names) > 1 else 2 * FIELD_PANEL_WIDTH
-    margins: dict[str, Any] = {"bottom": 1.15, "top": 0.1, "gaps": (0.35, 0.15)}
     size = width, width * (high - low) / (right - left)
-    figure, axes = panels(len(layers), len(names), size, **margins, sharex=True, sharey=True)
+    figure, axes = panels(len(layers), len(names), size, (0.35, 0.15), "xy", bottom=1.15, top=0.1)
     for column, name in zip(axes.T, names, strict=True):
         quantity = FIELD.get(name, Quantity(name, "1"))
         values = [np.asarray(mesh.cell_data[name][0]) * quantity.plot_factor for mesh, _ in layers]

@@ -77,14 +77,11 @@ def explanation(summary: Mapping[str, Any], key: str) -> list[str]:
     ResultsError
         If the summary has no such key; the nearest ones are named.
     """
-    path = next((each for each in _paths(summary) if key in (each[-1], ".".join(each))), None)
-    if path is None:
-        names = {each[-1] for each in _paths(summary)}
+    path, value = next((each for each in _items(summary) if key in (each[0][-1], ".".join(each[0]))), ((), None))
+    if not path:
+        names = {path[-1] for path, _ in _items(summary)}
         near = get_close_matches(key, sorted(names), NEAREST) or list(summary["decision"]["sizes"])[:NEAREST]
         raise ResultsError(f"summary.json has no key {key!r}; the nearest are {', '.join(near)}")
-    value: Any = summary
-    for name in path:
-        value = value[name]
     chain = next((CHAINS[name] for name in reversed(path) if name in CHAINS), "sources")
     links = [LINKS[name] for name in chain.split()]
     decision = summary.get("decision") or {"engine": summary["engine"], "fitted": []}
@@ -124,18 +121,18 @@ def _numeric(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _paths(summary: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield the paths of all keys, those of the decision first, then by depth."""
-    level: list[tuple[tuple[str, ...], Any]] = [((), summary)]
+def _items(summary: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield paths and values of all keys, those of the decision first, then by depth."""
+    first = summary.get("decision")
+    level: list[tuple[tuple[str, ...], Any]] = [((), {"decision": first, **summary})]
     while level:
         below = []
         for path, value in level:
-            items = [*value.items()] if isinstance(value, Mapping) and "unit" not in value else []
-            for name, each in sorted(items, key=lambda item: item[0] != "decision") if not path else items:
-                yield (*path, name)
-                if (*path, name) == ("decision",) and each:
-                    yield from (("decision", "sizes", size) for size in each["sizes"])
+            for name, each in value.items() if isinstance(value, Mapping) and "unit" not in value else ():
                 below.append(((*path, name), each))
+                yield below[-1]
+                if (*path, name) == ("decision",) and each:
+                    yield from ((("decision", "sizes", size), found) for size, found in each["sizes"].items())
         level = below
 
 
@@ -192,7 +189,7 @@ def input_numbers(scene: "Scene") -> dict[str, dict[str, Any]]:
     tables["mix.overrides"] = scene.mix.overrides
     return {
         name: {
-            key: {"value": value, "origin": scene.remark(name, key)}
+            key: {"value": value, "origin": scene.remark(f"{name}.{key}")}
             for key, value in table.model_dump(mode="json", exclude_none=True).items()
             if not isinstance(value, dict)
         }

@@ -16,7 +16,7 @@ from matplotlib.axis import Axis
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from compact.analysis.ranking_uncertainty import Place
@@ -54,10 +54,9 @@ ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
     "process": (PALETTE[3], "v", (0, (7, 2))),
 }
 OTHER_STYLE: tuple[str, str, Any] = (PALETTE[3], "v", (0, (4, 1.5)))  # of engines of other packages
-TICKS, DECADES = (1, 2, 3, 5), range(-6, 9)  # labels of a logarithmic axis
+TICKS = (1.0, 2.0, 3.0, 5.0)  # [-], labels of a decade of a logarithmic axis
+MARGINS = {"left": 0.8, "bottom": 0.55, "right": 0.2, "top": 0.15}  # [inch], of a figure
 ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
-CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
-READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
@@ -82,33 +81,22 @@ def law_style(name: str) -> dict[str, Any]:
     return {"color": "black", "linestyle": "-"}
 
 
-def engine_style(engine: str) -> tuple[str, str, Any]:
-    """Return colour, mark and dash of an engine; those of other packages share one."""
-    return ENGINE_STYLES.get(engine, OTHER_STYLE)
-
-
 def panels(
-    rows: int,
-    columns: int,
-    size: tuple[float, float],
-    *,
-    left: float = 0.8,
-    right: float = 0.2,
-    bottom: float = 0.55,
-    top: float = 0.15,
-    gaps: tuple[float, float] = (0.8, 0.3),
-    **shared: Any,
-) -> tuple[Figure, NDArray[Any]]:
+    rows: int, columns: int, size: tuple[float, float], gaps: tuple[float, float] = (0.8, 0.3), shared: str = "",
+    **margins: float,
+) -> tuple[Figure, NDArray[Any]]:  # fmt: skip
     """Make a figure with a grid of panels.
 
     Parameters
     ----------
     size : tuple of float
         Width and height of a panel [inch].
-    left, right, bottom, top : float
-        Margins [inch].
     gaps : tuple of float
         Gaps between columns and between rows [inch].
+    shared : {"", "x", "xy"}
+        Axes that all panels share.
+    **margins : float
+        Margins [inch] in place of those of MARGINS.
 
     Returns
     -------
@@ -120,12 +108,12 @@ def panels(
     A constrained layout would compute the margins, in as much time as the rest of the figure.
     """
     across, along = (count * (each + gap) - gap for count, each, gap in zip((columns, rows), size, gaps, strict=True))
+    left, bottom, right, top = (MARGINS | margins).values()
     width, height = across + left + right, along + bottom + top
     figure = Figure(figsize=(width, height))
-    axes = figure.subplots(rows, columns, squeeze=False, **shared)
-    margins = {"left": left / width, "right": 1 - right / width, "bottom": bottom / height, "top": 1 - top / height}
-    figure.subplots_adjust(**margins, wspace=gaps[0] / size[0], hspace=gaps[1] / size[1])
-    return figure, axes
+    ends = left / width, bottom / height, 1 - right / width, 1 - top / height
+    figure.subplots_adjust(*ends, gaps[0] / size[0], gaps[1] / size[1])
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex="x" in shared, sharey="y" in shared)
 
 
 def curve(ax: Axes, x: Quantity, y: Quantity, across: Any, along: Any, *mark: str, **style: Any) -> None:
@@ -142,30 +130,16 @@ def curve(ax: Axes, x: Quantity, y: Quantity, across: Any, along: Any, *mark: st
     ax.set(xlabel=x.axis_label, ylabel=y.axis_label)
 
 
-def label_decades(axis: Axis, low: float, high: float) -> None:
-    """Label a logarithmic axis from `low` to `high` at 1, 2, 3 and 5 of every decade with plain numbers."""
-    marks = [mark * 10.0**decade for decade in DECADES for mark in TICKS]
-    axis.set_major_locator(FixedLocator([mark for mark in marks if low <= mark <= high]))
+def label_decades(axis: Axis) -> None:
+    """Label a logarithmic axis at TICKS of every decade with plain numbers."""
+    axis.set_major_locator(LogLocator(subs=TICKS))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def label_contours(ax: Axes, lines: QuadContourSet) -> None:
-    """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
-
-    Parameters
-    ----------
-    ax : Axes
-        Panel of the lines, with its final limits.
-    lines : QuadContourSet
-        Lines of `contour`.
-    """
+    """Label contour lines, with an outline that is readable on a map."""
     for text in ax.clabel(lines, fontsize=8, fmt="{:.4g}".format, inline=False, colors="black"):
-        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
-        if np.abs(place - 0.5).max() > 0.5 - CONTOUR_MARGIN:
-            text.remove()
-        if text.get_rotation() > READABLE_ANGLE:
-            text.set_rotation(text.get_rotation() - 180)
         text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
@@ -180,7 +154,7 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     runs : mapping
         Run of each law, as many as BEST_STYLES at most.
     """
-    figure, axes = panels(2, 1, CYCLE_SIZE, **PHONE_MARGINS, gaps=(0.0, 0.2), sharex=True)
+    figure, axes = panels(2, 1, CYCLE_SIZE, (0.0, 0.2), "x", **PHONE_MARGINS)
     force, power = axes[:, 0]
     for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
         style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
@@ -265,7 +239,7 @@ def draw_durations(found: durations.DurationStudy, own_duration: float) -> Figur
     own_duration : float
         Duration of the scene, a dotted line [s].
     """
-    figure, (axes,) = panels(1, len(found.orders), (5.2, 3.4), bottom=0.6, gaps=(0.85, 0.3))
+    figure, (axes,) = panels(1, len(found.orders), (5.2, 3.4), (0.85, 0.3), bottom=0.6)
     times = np.array(found.durations)
     for ax, by in zip(axes, found.orders, strict=True):
         quantity, peaks = CRITERIA[by].quantity, found.values(by)
@@ -286,8 +260,8 @@ def draw_durations(found: durations.DurationStudy, own_duration: float) -> Figur
             place = each.duration, each.value * quantity.plot_factor
             ax.plot(*place, "o", color="black", markersize=4, zorder=3)
             ax.annotate(f"{each.duration:.3g} s", place, (4, 4), textcoords="offset points", fontsize="small")
-        label_decades(ax.xaxis, times[0], times[-1])
-        label_decades(ax.yaxis, *ax.get_ylim())
+        label_decades(ax.xaxis)
+        label_decades(ax.yaxis)
         ax.set_xlim(times[0], times[-1])
         ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
     return figure
@@ -312,19 +286,19 @@ def draw_rankings(orders: Mapping[str, list[Place]]) -> Figure:
         labels[by] = [f"{each.rank}  {each.law}  {value}" for each, value in zip(order, values, strict=True)]
     size = PANEL_WIDTH, ROW_HEIGHT * max(map(len, orders.values())) + 0.2
     margin = 0.3 + LETTER_WIDTH * max(len(label) for each in labels.values() for label in each)
-    figure, axes = panels(len(orders), 1, size, left=margin, gaps=(0.0, 0.6))
-    whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
+    figure, axes = panels(len(orders), 1, size, (0.0, 0.6), left=margin)
+    whisker = {"capsize": 2.5, "elinewidth": 1.2}
     for ax, (by, order) in zip(axes[:, 0], orders.items(), strict=True):
         quantity, longest = CRITERIA[by].quantity, 0.0
         for row, place in enumerate(order):
             if place.reason:
                 ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
                 continue
-            value, error = place.value * quantity.plot_factor, (place.error or 0.0) * quantity.plot_factor
-            ax.barh(row, value, color=law_style(place.law)["color"], height=0.72, edgecolor="black", linewidth=0.4)
-            if 0 < error < np.inf:
-                ax.errorbar(value, row, xerr=error, **whisker)
-            longest = max(longest, value + error if error < np.inf else value)
+            error = place.error if place.error and np.isfinite(place.error) else 0.0
+            value, error = place.value * quantity.plot_factor, error * quantity.plot_factor
+            style = {"color": law_style(place.law)["color"], "edgecolor": "black", "linewidth": 0.4}
+            ax.barh(row, value, 0.72, xerr=error or None, error_kw=whisker, **style)
+            longest = max(longest, value + error)
         ax.set(xlim=(0, 1.15 * longest or 1.0), ylim=(len(order) - 0.4, -0.6), xlabel=quantity.axis_label)
         ax.spines[["top", "right"]].set_visible(False)
         ax.set_yticks(range(len(order)), labels[by], fontsize=8)

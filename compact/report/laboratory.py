@@ -92,7 +92,7 @@ def material_digest(summary: dict[str, Any]) -> str:
 
 def draw_material_tests(programme: LaboratoryProgramme) -> Figure:
     """Draw density and lateral stress of the oedometer, shear tests over the strain, and paths in p and q."""
-    figure, ((compression, pressure), (shear, paths)) = panels(2, 2, PANEL, gaps=(0.85, 0.75), top=0.3)
+    figure, ((compression, pressure), (shear, paths)) = panels(2, 2, PANEL, (0.85, 0.75), top=0.3)
     test, isotropic, material = programme.test("oedometer"), programme.test("isotropic"), programme.material
     compression.plot(test.axial_stress * KPA, test.density_ratio, label="oedometer, vertical stress")
     compression.plot(

@@ -151,7 +151,7 @@ def draw_section(study: ProcessStudy) -> Figure:
     """Draw the section along the roller with the density in colour, and load, resistance and density of the strokes."""
     row, machine, fill = study.row, study.problem.machine, study.problem.fill
     length, fed, states = machine.roller_length, study.history.make_up, study.history.states
-    figure, axes = panels(4, 1, (9.0, 1.3), bottom=0.6, top=0.9, gaps=(0.0, 0.25), sharex=True)
+    figure, axes = panels(4, 1, (9.0, 1.3), (0.0, 0.25), "x", bottom=0.6, top=0.9)
     section, *below = axes[:, 0]
     ends = zip(row.edges[:-1], row.edges[1:], range(1, len(states)), states[1:], strict=True)
     pieces = [each for each in ends if each[1] > each[0]]
@@ -195,7 +195,7 @@ def draw_section(study: ProcessStudy) -> Figure:
 def draw_lifts(row: RollerRow) -> Figure:
     """Draw load, resistance over the make-up, and density at bottom and top of lumped lifts over the mean density."""
     assert row.lifts is not None
-    figure, ((loads, forces, ratios),) = panels(1, 3, (3.6, 2.9), gaps=(0.85, 0.3), top=0.3)
+    figure, ((loads, forces, ratios),) = panels(1, 3, (3.6, 2.9), (0.85, 0.3), top=0.3)
     for sequence, colour in zip(row.lifts.sequences, PALETTE, strict=False):
         ratio = sequence.values("density_ratio")
         label = f"lifts of {sequence.thickness * 1e3:.2g} mm, {sequence.increments} elements"

@@ -23,11 +23,9 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from time import monotonic, process_time
-from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as Line
+from typing import Any, Self, TextIO, TypeVar
 
 REFRESH_RATE = 4  # [1/s]
 PLAIN_WIDTH = 100  # characters of the line in a notebook
@@ -57,11 +55,19 @@ class Progress:
     """
 
     def __init__(self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None) -> None:
-        quiet = quiet or bool(_RUNNING)  # the outer line shows
-        self._stream, self._quiet = sys.stderr if stream is None else stream, quiet
-        self._line: Line | None = None
-        self._plain = not quiet and stream is None and "ipykernel" in sys.modules  # a notebook
-        self.stage, self.detail, self._total, self._runs = "", "", total, 0
+        from rich import progress
+        from rich.console import Console
+
+        file, hidden = stream or sys.stderr, quiet or bool(_RUNNING)  # the outer line shows
+        self._plain = not hidden and stream is None and "ipykernel" in sys.modules  # a notebook
+        counted = [progress.MofNCompleteColumn(separator=" of ")] if total else []
+        shown = progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed", *counted, "{task.description}"
+        self._line = progress.Progress(
+            *shown, console=Console(file=file), transient=True, refresh_per_second=REFRESH_RATE,
+            disable=hidden or not file.isatty(),
+        )  # fmt: skip
+        self._task = self._line.add_task("", total=total)
+        self.stage, self.detail, self._runs = "", "", 0
 
     def begin(self, stage: str) -> None:
         """Begin a stage; stages of one name in a row are counted."""
@@ -72,8 +78,7 @@ class Progress:
 
     def advance(self, parts: int = 1) -> None:
         """Count parts of the job that are done."""
-        if self._line is not None:
-            self._line.advance(self._line.task_ids[0], parts)
+        self._line.advance(self._task, parts)
 
     def report(self, detail: str) -> None:
         """Show a line of text on the running stage; the callback of solvers."""
@@ -84,10 +89,9 @@ class Progress:
         self._show(", ".join(filter(None, (stage, detail))))
 
     def _show(self, words: str) -> None:
-        if self._line is not None:
-            self._line.update(self._line.task_ids[0], description=words)
-        elif self._plain:
-            print(f"\r{words:<{PLAIN_WIDTH}.{PLAIN_WIDTH}}", end="", file=self._stream, flush=True)
+        self._line.update(self._task, description=words)
+        if self._plain:
+            print(f"\r{words:<{PLAIN_WIDTH}.{PLAIN_WIDTH}}", end="", file=sys.stderr, flush=True)
 
     def __enter__(self) -> Self:
         self._notice = logging.Handler(logging.INFO)  # shows what is being compiled
@@ -95,24 +99,14 @@ class Progress:
         _COMPILER.addHandler(self._notice)
         _COMPILER.setLevel(logging.INFO)
         _RUNNING.append(self)
-        if not self._quiet and self._stream.isatty():
-            from rich import progress
-            from rich.console import Console
-
-            shown: list[Any] = [progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed"]
-            shown += [progress.MofNCompleteColumn(separator=" of ")] if self._total else []
-            options: dict[str, Any] = {"transient": True, "refresh_per_second": REFRESH_RATE}
-            self._line = progress.Progress(*shown, "{task.description}", console=Console(file=self._stream), **options)
-            self._line.add_task(self.stage, total=self._total)
-            self._line.start()
+        self._line.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         _COMPILER.removeHandler(self._notice)
         _RUNNING.remove(self)
         self._show("")
-        if self._line is not None:
-            self._line.stop()
+        self._line.stop()
 
 
 def tracked(items: Iterable[Item], stage: str | Callable[[Item], str] = "case", **options: Any) -> Iterator[Item]:
@@ -142,43 +136,31 @@ def spinning(stage: str, **options: Any) -> Iterator[Progress]:
 
 
 class StageProfile(logging.Handler):
-    """Handler that measures the time between the records of stages.
-
-    Attributes
-    ----------
-    stages : dict
-        Number of runs, wall time and processor time of this process [s] by stage.
-    """
+    """Handler that measures the time between the records of stages."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
-        self.stages: dict[str, Any] = {BEFORE: [1, 0.0, process_time()]}  # of this process since its start
-        self._running, self._begun = BEFORE, (monotonic(), process_time())
+        self._begun = [(BEFORE, monotonic(), 0.0)]  # name, wall time and processor time of this process [s]
         self._children = _children_time()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Begin the stage of a record."""
         if record.levelno == logging.INFO:
-            self._stop()
-            self._running = record.getMessage()
-            self.stages.setdefault(self._running, [0, 0.0, 0.0])[0] += 1
-
-    def _stop(self) -> None:
-        """Add the time since the last record to the running stage."""
-        now = monotonic(), process_time()
-        for place, (end, begin) in enumerate(zip(now, self._begun, strict=True), start=1):
-            self.stages[self._running][place] += end - begin
-        self._begun = now
+            self._begun.append((record.getMessage(), monotonic(), process_time()))
 
     def table(self) -> str:
         """Return the stages as lines of text, the longest first, with their sum."""
-        self._stop()
-        wall, processor = (sum(each[place] for each in self.stages.values()) for place in (1, 2))
-        width = max(map(len, self.stages))
+        found: dict[str, Any] = {}
+        for (name, *begin), (_, *end) in pairwise([*self._begun, ("", monotonic(), process_time())]):
+            runs, wall, processor = found.get(name, (0, 0.0, 0.0))
+            found[name] = runs + 1, wall + end[0] - begin[0], processor + end[1] - begin[1]
+        total, width = [sum(each[place] for each in found.values()) for place in (1, 2)], max(map(len, found))
+        ordered: list[tuple[str, Any]] = sorted(found.items(), key=lambda item: -item[1][1])
         lines = [ROW.format("stage", width, "runs", "wall [s]", "processor [s]", "share")]
-        ordered: list[tuple[str, Any]] = sorted(self.stages.items(), key=lambda item: -item[1][1])
-        for name, (runs, *times) in [*ordered, ("total", ("", wall, processor))]:
-            lines.append(ROW.format(name, width, runs, *(f"{each:.2f}" for each in times), f"{times[0] / wall:.0%}"))
+        for name, (runs, *times) in [*ordered, ("total", ("", *total))]:
+            lines.append(
+                ROW.format(name, width, runs, *(f"{each:.2f}" for each in times), f"{times[0] / total[0]:.0%}")
+            )
         children = _children_time() - self._children
         return "\n".join([*lines, *([f"worker processes: {children:.2f} s of processor time"] if children else [])])
 

@@ -7,7 +7,7 @@ Over mould speed and duration of a forming process one figure is its operating w
 import json
 import re
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from matplotlib.patheffects import Normal, Stroke
 from compact.files import write_csv, write_figure
 from compact.quantities import CRITERIA, SWEEP_POINT, unit_symbol
 from compact.report.figures import PALETTE, label_contours, law_style
+from compact.scene.constraints import value_at
 from compact.scene.schema import declared_keys, extra_of
 from compact.sweep.sobol_indices import Index, SobolTable
 
@@ -102,7 +103,7 @@ def _count_sentences(sentences: Iterable[str]) -> list[str]:
     kinds: dict[str, list[str]] = {}
     for sentence in filter(None, sentences):
         kinds.setdefault(DIGITS.sub("#", sentence), []).append(sentence)
-    ordered = sorted(kinds.values(), key=lambda kind: -len(kind))
+    ordered = sorted(kinds.values(), key=len, reverse=True)
     rest = sum(map(len, ordered[SHOWN_SENTENCES:]))
     shown = [f"{len(each)} x {each[0]}" for each in ordered[:SHOWN_SENTENCES]]
     return [*shown, f"{rest} x for other reasons"] if rest else shown
@@ -153,15 +154,11 @@ def _axis_label(table: "Dataset", name: str) -> str:
     return f"{words} [{extra_of(key).get('unit', '-')}]" if key in declared_keys() else words
 
 
-def _panels(names: Sequence[str], draw: Callable[[Axes, str], None], *labels: str) -> Figure:
-    """Draw one panel for each name, PANEL_COLUMNS a row, over one key or two."""
-    rows = -(-len(names) // PANEL_COLUMNS)
+def _panels(count: int, **labels: str) -> tuple[Figure, list[Axes]]:
+    """Make a figure of a number of panels with the same labels of axes, PANEL_COLUMNS a row."""
+    rows = -(-count // PANEL_COLUMNS)
     figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.7), layout="constrained")
-    for number, name in enumerate(names, start=1):
-        ax = figure.add_subplot(rows, PANEL_COLUMNS, number)
-        draw(ax, name)
-        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=False)))
-    return figure
+    return figure, [figure.add_subplot(rows, PANEL_COLUMNS, number, **labels) for number in range(1, count + 1)]
 
 
 def _legend(figure: Figure, marks: Sequence[Any]) -> None:
@@ -179,16 +176,15 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
     unreachable = plane["not_reachable"] != ""
     if "sample" in unreachable.dims:
         unreachable = unreachable.mean("sample") > 0.5
-
-    def draw(ax: Axes, name: str) -> None:
-        ax.set_facecolor(NO_NUMBER)
+    figure, axes = _panels(len(names), xlabel=_axis_label(table, x), ylabel=_axis_label(table, y), facecolor=NO_NUMBER)
+    for ax, name in zip(axes, names, strict=True):
         if name.startswith(BEST_LAW):
             laws = plane[name].values
             numbers = np.ma.masked_where(laws == "", np.searchsorted(best, laws))
             colours = ListedColormap([law_style(law)["color"] for law in best] or [NO_NUMBER])
             ax.pcolormesh(plane[x], plane[y], numbers, cmap=colours, vmin=-0.5, vmax=max(len(best), 1) - 0.5)
             ax.set_title(f"least {CRITERIA[name.removeprefix(BEST_LAW)].term}", fontsize=10)
-            return
+            continue
         values = np.ma.masked_invalid(band(plane, name)[1].values * SWEEP_POINT[name].plot_factor)
         ax.set_title(SWEEP_POINT[name].axis_label, fontsize=10)
         if values.count() and np.ma.ptp(values) > CONSTANT_SPAN * np.abs(values).max():
@@ -198,8 +194,6 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
             ax.set(facecolor="white", title=f"{SWEEP_POINT[name].axis_label}: {values.max():.4g}")
         if unreachable.any():
             ax.contourf(plane[x], plane[y], unreachable.values, [0.5, 1.5], colors="none", hatches=["////"])
-
-    figure = _panels(names, draw, _axis_label(table, x), _axis_label(table, y))
     marks: list[Any] = [Patch(facecolor=law_style(law)["color"], label=law) for law in best]
     if unreachable.any():
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
@@ -215,7 +209,8 @@ def draw_window(table: "Dataset") -> Figure:
     Over speed of the mould and strokes a minute; hatched where a limit is met, or, by its reason, without a number.
     """
     plane = _plane(table, *WINDOW).transpose(*WINDOW)
-    dwell = json.loads(table.attrs["scene"])["motion"]["dwell"]
+    scene = json.loads(table.attrs["scene"])
+    dwell = scene["motion"]["dwell"]
     rate, speed = MINUTE / (plane["duration"].values + dwell), MINUTE * plane["mould_speed"].values
     figure = Figure(figsize=(7.6, 5.6), layout="constrained")
     ax = figure.add_subplot()
@@ -227,8 +222,7 @@ def draw_window(table: "Dataset") -> Figure:
     for name, colour in (("resistance", "black"), ("power", "white")):
         values = np.ma.masked_invalid(plane[name].values * SWEEP_POINT[name].plot_factor)
         if values.count():
-            lines = ax.contour(rate, speed, values, colors=colour, linewidths=1.0)
-            label_contours(ax, lines)
+            label_contours(ax, ax.contour(rate, speed, values, colors=colour, linewidths=1.0))
             outline = [Stroke(linewidth=3.0, foreground="0.6"), Normal()]
             marks.append(Line2D([], [], color=colour, path_effects=outline, label=SWEEP_POINT[name].axis_label))
     met: dict[str, Any] = {}
@@ -239,28 +233,19 @@ def draw_window(table: "Dataset") -> Figure:
         ax.contourf(rate, speed, cells, [0.5, 1.5], colors="none", hatches=[hatch])
         label = shorten(word, REASON_WIDTH, placeholder=" …")
         marks.append(Patch(facecolor="none", edgecolor="black", hatch=hatch, label=label))
-    mould, duration = (_of_scene(table, name) for name in WINDOW)
+    mould, duration = (value_at(scene, table[name].attrs["key"]) for name in WINDOW)
     if mould is not None and duration is not None:
-        star: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markersize": 14}
-        ax.plot(MINUTE / (duration + dwell), MINUTE * mould, "*", **star)
+        ax.plot(MINUTE / (duration + dwell), MINUTE * mould, "*w", markeredgecolor="black", markersize=14)
     _legend(figure, marks)
     return figure
-
-
-def _of_scene(table: "Dataset", name: str) -> float | None:
-    """Return the value of a varied key in the scene itself; None without a number."""
-    found: Any = json.loads(table.attrs["scene"])
-    for part in table[name].attrs["key"].split("."):
-        found = found.get(part) if isinstance(found, dict) else None
-    return found if isinstance(found, int | float) else None
 
 
 def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
     """Draw quantities over the last varied key, at the first value of other keys, with bands of a sample."""
     x = numeric_axes(table)[-1]
     plane = _plane(table, x, "sample")
-
-    def draw(ax: Axes, name: str) -> None:
+    figure, axes = _panels(len(names), xlabel=_axis_label(table, x))
+    for ax, name in zip(axes, names, strict=True):
         quantity = SWEEP_POINT[name]
         low, middle, high = (part * quantity.plot_factor for part in band(plane, name))
         ax.plot(plane[x], middle, color=PALETTE[0], marker=".")
@@ -270,8 +255,6 @@ def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
         ax.locator_params(axis="x", nbins=5)
         if np.nanmin(low) > 0 and np.nanmax(high) > LOGARITHMIC_RATIO * np.nanmin(low):
             ax.set_yscale("log")
-
-    figure = _panels(names, draw, _axis_label(table, x))
     if "sample" in table.dims:
         figure.suptitle(f"bands: {BAND[0]:.0%} to {BAND[1]:.0%} of the sample", fontsize=9)
     return figure

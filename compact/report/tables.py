@@ -5,19 +5,18 @@ from `compact.quantities`; a field that is not in it has its name as term. The f
 """
 
 import math
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from compact import quantities
 from compact.files import write_csv
-from compact.quantities import Quantity, column_names, unit_symbol
+from compact.quantities import CONTACT, Quantity, column_names, unit_symbol
 
 if TYPE_CHECKING:
     import pandas
@@ -33,30 +32,18 @@ UNIT_PREFIXES = {  # units that have a prefix, and their prefixes, largest first
     "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k", "J/m3": "k",
 }  # fmt: skip
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-UNITS = (
-    "N", "N/m", "Pa", "W", "J", "Nm", "m", "s", "rad", "rad/s", "rad/s2", "rad/s3", "m/s", "m/s2", "m/s3", "m/s4",
-    "m2", "m2/s", "m2/s3", "m2/s5", "m2/s7", "m3", "m3/s", "kg", "kgm2", "J/m3", "h", "SI",
-)  # fmt: skip
+UNIT = re.compile(r"(?:(?:rad|kg|Pa|SI|[NWJmsh])\d?/?)+")  # at the end of the name of a column
 WORD = Quantity("", "")  # of a column of words
-NO_QUANTITIES: Mapping[str, Quantity] = {}  # of a table of words
 OF_ROW = ("value", "low", "high")  # columns in the unit of each row, where a table has a column "unit"
 Getter = str | Callable[[Any], Any]
 
 
-@cache
-def _known() -> dict[tuple[str, str], Quantity]:
-    """Collect the quantities of the package by field and unit; the first record that has one defines it."""
-    tables = [table for table in vars(quantities).values() if isinstance(table, dict)]
-    records = [table for table in tables if all(isinstance(each, Quantity) for each in table.values())]
-    return {(name, each.unit): each for table in reversed(records) for name, each in table.items()}
-
-
-def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
+def columns(names: str) -> dict[str, Getter]:
     """Declare columns: names as in the CSV file, each of a field of the same name, or with another path, `NAME=PATH`.
 
     Parameters
     ----------
-    *names : str
+    names : str
         Columns separated by blanks. A path joins attributes, keys and indices by dots; None on the way is the value.
 
     Examples
@@ -65,10 +52,10 @@ def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
     {'law': 'name', 'peak_force_N': 'peak_force'}
     """
     found: dict[str, Getter] = {}
-    for each in " ".join(names).split():
+    for each in names.split():
         column, _, path = each.partition("=")
         found[column] = path or split_unit(column)[0]
-    return found | getters
+    return found
 
 
 def split_unit(column: str) -> tuple[str, str]:
@@ -80,7 +67,7 @@ def split_unit(column: str) -> tuple[str, str]:
     (('peak_jerk', 'm/s3'), ('exit_density_ratio', '1'))
     """
     name, _, unit = column.rpartition("_")
-    return (name, unit) if name and unit in UNITS else (column, "1")
+    return (name, unit) if name and UNIT.fullmatch(unit) else (column, "1")
 
 
 def value_of(record: Any, getter: Getter) -> Any:
@@ -102,15 +89,15 @@ def json_number(value: Any, unit: str) -> dict[str, Any]:
     return {"value": value, "unit": unit}
 
 
-def json_values(record: Any, *names: str) -> dict[str, Any]:
+def json_values(record: Any, names: str) -> dict[str, Any]:
     """Return values of a record for a JSON file, by the names of `columns`."""
-    return {name: value_of(record, getter) for name, getter in columns(*names).items()}
+    return {name: value_of(record, getter) for name, getter in columns(names).items()}
 
 
-def json_numbers(record: Any, *names: str) -> dict[str, dict[str, Any]]:
+def json_numbers(record: Any, names: str) -> dict[str, dict[str, Any]]:
     """Return values of a record with their units for a JSON file, in the columns of `columns`."""
     found = {}
-    for column, getter in columns(*names).items():
+    for column, getter in columns(names).items():
         name, unit = split_unit(column)
         found[name] = json_number(value_of(record, getter), {"kgm2": "kg m2"}.get(unit, unit))
     return found
@@ -158,7 +145,8 @@ class TableSpec:
         for place, column in enumerate(declared):
             name, unit = split_unit(column)
             words = unit == "1" and any(isinstance(row[place], str | Mark) for row in rows)
-            found[name] = WORD if words else _known().get((name, unit), Quantity(name.replace("_", " "), unit))
+            known = CONTACT.get(name)
+            found[name] = WORD if words else known if known and known.unit == unit else Quantity("", unit)
         return cls(title, found, rows)
 
     @classmethod
@@ -169,11 +157,11 @@ class TableSpec:
 
     @classmethod
     def of_columns(
-        cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity] = NO_QUANTITIES
+        cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity] | None = None
     ) -> Self:
         """Make a table of columns by field; a field that has no quantity is of words."""
         rows = list(zip(*values.values(), strict=True))
-        return cls(title, {name: known.get(name, WORD) for name in values}, rows)
+        return cls(title, {name: (known or {}).get(name, WORD) for name in values}, rows)
 
     def __getitem__(self, name: str) -> list[Any]:
         place = list(self.quantities).index(name)
@@ -201,8 +189,7 @@ class TableSpec:
 
     def write(self, path: Path) -> Path:
         """Write CSV in SI units with twelve digits; return the path."""
-        units = {name: Quantity("", each.unit or "1") for name, each in self.quantities.items()}
-        return write_csv(path, column_names(units), self.rows)
+        return write_csv(path, column_names(self.quantities), self.rows)
 
     def to_dataframe(self, index: str | None = None) -> "pandas.DataFrame":
         """Return a data frame in SI units, whose `attrs["units"]` has the unit of each column of numbers.
@@ -355,7 +342,7 @@ def format_column(values: Sequence[float | None], unit: str, digits: int = DIGIT
     ]
 
 
-def format_percent(share: float | None, digits: int = 2) -> str:
+def format_percent(share: float | None) -> str:
     """Format a share as per cent; a share within rounding of zero is zero, None and nan a dash.
 
     Parameters
@@ -365,12 +352,11 @@ def format_percent(share: float | None, digits: int = 2) -> str:
     """
     if share is None or not math.isfinite(share):
         return "–"
-    return f"{format_number(100 * share if abs(share) > ZERO_SHARE else 0.0, digits)} %"
+    return f"{format_number(100 * share if abs(share) > ZERO_SHARE else 0.0, 2)} %"
 
 
 def _prefix(value: float, unit: str) -> str:
     """Return the prefix of a finite value: the largest below it, or the largest small one below 0.1."""
-    size, prefixes = abs(value), UNIT_PREFIXES.get(unit, "")
-    larger = [p for p in prefixes if PREFIX_FACTORS[p] > 1 and size >= PREFIX_FACTORS[p]]
-    smaller = [p for p in prefixes if PREFIX_FACTORS[p] < 1 and 0 < size < 0.1 and size >= PREFIX_FACTORS[p]]
-    return next(iter(larger or smaller), "")
+    size, factors = abs(value), PREFIX_FACTORS
+    fits = (p for p in UNIT_PREFIXES.get(unit, "") if size >= factors[p] and (factors[p] > 1 or size < 0.1))
+    return next(fits, "")

@@ -99,7 +99,7 @@ def draw_case(contents: tuple[Panel, ...]) -> Figure:
     contents : tuple of Panel
         Finished curves; at least one panel.
     """
-    figure, axes = panels(1, len(contents), PANEL, gaps=(0.95, 0.3), left=0.85)
+    figure, axes = panels(1, len(contents), PANEL, (0.95, 0.3), left=0.85)
     for ax, panel in zip(axes[0], contents, strict=True):
         lines = [curve for curve in panel.curves if curve.is_ours]
         points = [curve for curve in panel.curves if not curve.is_ours]

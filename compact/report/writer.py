@@ -1,28 +1,21 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from compact import quantities
+from compact import files, quantities
 from compact.analysis import contact_cases, ranking_uncertainty
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages import kept_results, model_spread, uncertainty
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
-from compact.files import (
-    claimed_directory,
-    render_png,
-    versions,
-    write_bytes,
-    write_figure,
-    write_json,
-    write_vtu_series,
-)
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import contact_figures, figures, process, results
 from compact.report.explain import decision_numbers, input_numbers
@@ -64,51 +57,50 @@ def write_study(
         If a file cannot be written or the directory holds results of another scene.
     """
     items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
-    claimed = claimed_directory(directory, study.scene.owner, force)
+    claimed = files.claimed_directory(directory, study.scene.owner, force)
     with claimed as place, study.helped(executor or SerialExecutor()):
-        contacts, files = study.stages.contacts, list[Path]()
+        contacts, written = study.stages.contacts, list[Path]()
         if layered:
-            files.append(results.contact_table(study).write(place / "contact.csv"))
+            written.append(results.contact_table(study).write(place / "contact.csv"))
         if contacts.compacts:
             standing = study.standing(place, "passes.csv", "density.csv")
-            files += standing or results.write_tables(place, results.pass_tables(contacts.passes))
+            written += standing or results.write_tables(place, results.pass_tables(contacts.passes))
         study.begin_contacts()
         for item in (each for each in ("reactions", "cams", "crank") if each in items):
-            files += results.write_tables(place, results.ITEMS[item](study))
+            written += results.write_tables(place, results.ITEMS[item](study))
         if "fields" in items and (standing := study.standing(place, "fields.pvd", "fields/", "fields.png")):
-            files += standing
+            written += standing
         elif "fields" in items:
-            files += _write_layers(place, [(contacts.field_mesh(first), first) for _, first in contacts.first_passes])
+            written += _write_layers(place, [(contacts.field_mesh(first), first) for _, first in contacts.first_passes])
             study.count("figures")
-        kept = list(study.keep(place, files)) if layered else []  # after what needs no second pass
+        kept = list(study.keep(place, written)) if layered else []  # after what needs no second pass
         drawn = {}
-        for name, figure in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
+        for name, draw in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
             study.count("figures")
-            drawn[name] = study.submit(_png, figure)
+            drawn[name] = study.submit(_png, draw)
         if "tables" in items:
-            files += results.write_tables(place, results.ITEMS["tables"](study))
+            written += results.write_tables(place, results.ITEMS["tables"](study))
         if study.over_durations is not None:
-            files += results.write_tables(place, results.duration_tables(study.over_durations))
+            written += results.write_tables(place, results.duration_tables(study.over_durations))
         pictures = {name: job.result() for name, job in drawn.items()}
         if "report" in items:
-            files += _write_report(study, place, pictures)
+            written += _write_report(study, place, pictures)
         if "figures" in items:
-            files += [write_bytes(place / f"{name}.png", picture) for name, picture in pictures.items()]
+            written += [files.write_bytes(place / f"{name}.png", picture) for name, picture in pictures.items()]
         if layered:
-            list(study.keep(place, files))
-        files += kept
+            list(study.keep(place, written))
+        written += kept
         for name, other in study.comparison.items():
             if other.kept:  # contacts and map of a compared engine, for the next run
-                files += kept_results.write_results(place / "comparison" / name, other.kept, other.key)
-        summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
-        write_json(place / "summary.json", summary)
+                written += kept_results.write_results(place / "comparison" / name, other.kept, other.key)
+        summary = study_summary(study, [str(Path(file).relative_to(place)) for file in written])
+        files.write_json(place / "summary.json", summary)
     return summary
 
 
-def _png(figure: tuple[Any, ...]) -> bytes:
-    """Draw a figure, function and results, as the content of a PNG file."""
-    draw, *shown = figure
-    return render_png(draw(*shown))
+def _png(draw: Callable[[], Figure]) -> bytes:
+    """Draw a figure as the content of a PNG file."""
+    return files.render_png(draw())
 
 
 def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[Contact]) -> None:
@@ -126,8 +118,8 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     table = TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values)
     table.write(directory / "pressure.csv")
     content = stage.record(speed, tuple(passes)).to_json()
-    write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
-    write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
+    files.write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
+    files.write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
     if stage.compacts:
         results.write_tables(directory, results.pass_tables([(speed, passes)]))
     if stage.engine.has_fields:
@@ -137,8 +129,8 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
 def _write_layers(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Path]:
     """Write the fields of contacts, pairs of mesh and result, as VTU files and as a figure."""
     frames = ((contact.speed, mesh) for mesh, contact in layers)
-    yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
-    yield write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
+    yield from files.write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
+    yield files.write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
 
 
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:
@@ -148,10 +140,12 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     if standing := study.standing(directory, "pressure.png"):
         pressure = standing[0]
     elif stage.process is not None:
-        pressure = write_figure(directory / "section.png", process.draw_section(stage.process))
+        pressure = files.write_figure(directory / "section.png", process.draw_section(stage.process))
     else:
         speed, contact = stage.typical
-        pressure = write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, stage.exact, speed))
+        pressure = files.write_figure(
+            directory / "pressure.png", contact_figures.draw_pressure(contact, stage.exact, speed)
+        )
     found = {pressure.stem: pressure.read_bytes(), **pictures}
     if "fields" in study.scene.output.items:
         found["fields"] = (directory / "fields.png").read_bytes()
@@ -159,34 +153,33 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     yield write_page(directory / "report.html", study, found)
 
 
-def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
-    """List the figures of a study: function and results by name."""
+def study_figures(study: Study) -> dict[str, Callable[[], Figure]]:
+    """List the figures of a study by name."""
     drive, cycles = study.stages.drive, study.stages.laws.cycles
-    places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
-    found: dict[str, tuple[Any, ...]] = {}
+    force, first = study.stages.resistance, study.machine_sizing.first
+    found: dict[str, Callable[[], Figure]] = {}
     if study.stages.contacts.speeds:
-        peaks = [cycle.forward.peaks().acceleration for cycle in cycles.values()]
-        found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
-    force = study.stages.resistance
-    found["stroke"] = (figures.draw_stroke, *force.over_cycle(cycles[drive.best_law].forward), drive.best_law)
+        peak = float(np.median([cycle.forward.peaks().acceleration for cycle in cycles.values()]))
+        found["resistance"] = partial(contact_figures.draw_resistance, force.map, peak)
+    along = force.over_cycle(cycles[drive.best_law].forward)
+    found["stroke"] = partial(figures.draw_stroke, *along, drive.best_law)
     if first is not None and first.requirement is not None:
-        found["shaft"] = (figures.draw_shaft_torque, first, study.machine_sizing.rule)
+        found["shaft"] = partial(figures.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
-        found["duration"] = (figures.draw_durations, study.over_durations, study.scene.motion.duration)
+        found["duration"] = partial(figures.draw_durations, study.over_durations, study.scene.motion.duration)
     if study.verdicts:
         speeds = {law: cycles[law].forward.peaks().velocity for law in study.best_laws}
-        found["models"] = (contact_figures.draw_models, study.models, speeds)
-        found["best_cycles"] = figures.draw_best_cycles, {law: drive.runs[law] for law in study.best_laws}
-    found["ranking"] = (figures.draw_rankings, places)
-    return found
+        found["models"] = partial(contact_figures.draw_models, study.models, speeds)
+        found["best_cycles"] = partial(figures.draw_best_cycles, {law: drive.runs[law] for law in study.best_laws})
+    return found | {"ranking": partial(figures.draw_rankings, drive.places[study.scene.drive.kind])}
 
 
-def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
+def study_summary(study: Study, written: list[str]) -> dict[str, Any]:
     """Build the content of summary.json.
 
     Parameters
     ----------
-    files : list of str
+    written : list of str
         Paths of its files, relative to the directory of the results.
     """
     scene, stages, sizing, known = study.scene, study.stages, study.machine_sizing, study.uncertainty
@@ -203,7 +196,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "schema": SCHEMA,
         "title": scene.title,
         "scene_hash": scene.hash,
-        "versions": versions(),
+        "versions": files.versions(),
         "engine": scene.accuracy.engine,
         "drive_resistance": resistance,
         "held": _held(contacts.held),
@@ -241,7 +234,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         **{kind: _failures(study, kind) for kind in FAILURES},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
-        "files": files,
+        "files": written,
     }
 
 
@@ -338,19 +331,18 @@ def _robust_law(scene: Scene, found: Any) -> dict[str, Any]:
 
 def _over_durations(found: DurationStudy) -> dict[str, Any]:
     """Convert the first laws over the duration, and where they change."""
-    firsts = {by: [order[0] for order in orders] for by, orders in found.orders.items()}
     return {
         by: {
             "unit": CRITERIA[by].unit,
             "first": [
-                {"duration": duration} | json_values(each, "law=run.name value margin")
-                for duration, each in zip(found.durations, order, strict=True)
+                {"duration": duration} | json_values(order[0], "law=run.name value margin")
+                for duration, order in zip(found.durations, orders, strict=True)
             ],
             "crossovers": [
                 json_values(each, "duration shorter longer value") for each in found.crossovers if each.by == by
             ],
         }
-        for by, order in firsts.items()
+        for by, orders in found.orders.items()
     }
 
 
@@ -382,7 +374,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
     content = {by: value_of(run, by) for by in CRITERIA} | {name: getattr(run, name) for name in own}
-    if bool(study.stages.contacts.speeds):
+    if study.stages.contacts.speeds:
         content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
     heavier = study.stages.drive.heavier_runs  # None where the error of the resistance is unknown
     heavy = heavier and heavier.get(run.name)

@@ -8,7 +8,7 @@ that belong to one choice are tables, `LIMITS`, `NEEDS` and `BELONGS`.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
@@ -552,8 +552,9 @@ def _is_file(path):
         return False
 
 
-def value_at(data: Any, parts: Key) -> Any:
-    """Return the value at a key path of nested tables, numbers as floats, None if absent; of a list a tuple."""
+def value_at(data: Any, key: str | Sequence[str]) -> Any:
+    """Return the value at a key of nested tables, numbers as floats, None if absent; of a list a tuple."""
+    parts = key.split(".") if isinstance(key, str) else key
     for number, part in enumerate(parts):
         if isinstance(data, list | tuple):
             return tuple(value_at(entry, parts[number:]) for entry in data)

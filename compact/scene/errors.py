@@ -87,9 +87,9 @@ class Source:
         """Folder of the scene file."""
         return Path(self.file).parent
 
-    def changed(self, key: Key) -> "Source":
-        """Return the source with one more key that the caller has replaced."""
-        return replace(self, changes=self.changes | {key})
+    def is_changed(self, key: Key) -> bool:
+        """Return True if the caller has replaced a key, or a table around it."""
+        return any(key[: len(change)] == change for change in self.changes)
 
     def of_comparison(self, engine: str, changed: "Source") -> "Source":
         """Return the source of the scene of a compared engine: keys of `[compare.ENGINE]` have their own remarks."""
@@ -111,7 +111,7 @@ class Source:
 
     def place(self, key: Key) -> str:
         """Return `file:line` of a key, or `file (changed by the caller)`."""
-        if any(key[: len(change)] == change for change in self.changes):
+        if self.is_changed(key):
             return f"{self.file} (changed by the caller)"
         return f"{self.file}:{self.line(key)}" if self.line(key) else self.file
 

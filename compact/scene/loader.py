@@ -178,10 +178,11 @@ class Scene(SceneTables):
     ) -> tuple[Any, Source, list[Mistake]]:
         """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
         mistakes: list[Mistake] = []
-        for path, value in changes.items():
-            *above, last = key = tuple(path.split("."))
-            source, table = source.changed(key), data
-            for depth, part in enumerate(above, 1):
+        keys = [tuple(path.split(".")) for path in changes]
+        source = replace(source, changes=source.changes.union(keys))
+        for key, value in zip(keys, changes.values(), strict=True):
+            table, last = data, key[-1]
+            for depth, part in enumerate(key[:-1], 1):
                 table = table.setdefault(part, {})
                 if not isinstance(table, dict):
                     words = f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"
@@ -224,12 +225,7 @@ class Scene(SceneTables):
 
     def is_set(self, key: str) -> bool:
         """Return True if the scene file or the caller sets a key such as "machine.gap_geometry"."""
-        part: Any = self
-        for name in key.split("."):
-            if part is None or name not in part.model_fields_set:
-                return False
-            part = getattr(part, name)
-        return True
+        return value_at(self._given(), key) is not None
 
     @property
     def engine_reason(self) -> str:
@@ -261,19 +257,16 @@ class Scene(SceneTables):
         """Name of the scene file."""
         return self._source.file
 
-    def remark(self, table: str, key: str) -> str:
-        """Return the comment on a key of a table in the file, "default" or "changed by the caller"."""
-        path = (*table.split("."), key)
-        if any(path[: len(change)] == change for change in self._source.changes):
+    def remark(self, key: str) -> str:
+        """Return the comment on a key in the file, "default" or "changed by the caller"."""
+        path = tuple(key.split("."))
+        if self._source.is_changed(path):
             return "changed by the caller"
-        if not self.is_set(".".join(path)):
-            return "default"
-        return self._source.remark(path)
+        return self._source.remark(path) if self.is_set(key) else "default"
 
     def is_marked(self, key: str, word: str) -> bool:
         """Return True if a clause of the comment on a key begins with a word, such as "measured" or "calibrated"."""
-        table, _, name = key.rpartition(".")
-        return any(clause.strip().startswith(word) for clause in self.remark(table, name).split(";"))
+        return any(clause.strip().startswith(word) for clause in self.remark(key).split(";"))
 
     def stated_spread(self, key: str, item: int = 0) -> float | None:
         """Return the half-width that the comment on a known number, or on an item of several, states, over it [-].
@@ -287,9 +280,7 @@ class Scene(SceneTables):
         """
         if not any(self.is_marked(key, word) for word in KNOWN_ORIGINS):
             return None
-        table, _, name = key.rpartition(".")
-        found = SPREAD.search(self.remark(table, name))
-        if not found:
+        if not (found := SPREAD.search(self.remark(key))):
             return 0.0
         width, unit = float(found[1]), found[2]
         if unit == "%":
@@ -453,32 +444,29 @@ def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
     to 0.7 of the resistance by finite elements on lifts of 0.5 to 1.7 contact lengths (R 0.09 m, k_fed 0.85 and 0.94).
     Where no engine may size the drive, it is the last of them.
     """
-
-    def value(key: str) -> Any:
-        return value_at(data, tuple(key.split(".")))
-
-    sizes = *map(value, SIZES), value("layer.lift_thickness") or value("product.height")
-    radius, density_ratio, fed, height = sizes
-    known = all(isinstance(each, float) and each > 0 for each in sizes)
+    sizes = [value_at(data, key) for key in SIZES]
+    radius, density_ratio, fed = sizes
+    height = value_at(data, "layer.lift_thickness") or value_at(data, "product.height")
+    known = all(isinstance(each, float) and each > 0 for each in (*sizes, height))
     strain = density_ratio / fed - 1 if known else 0.0
     ratio = math.sqrt(height / (2 * radius * strain)) if strain > 0 else None
-    fitted = {"heckel_slope", "fed_density_ratio"} <= {*(value("mix.fitted_at.parameters") or ())}
     able = sorted((each for each in BUILT_IN.values() if each.reads(SIZES[-1])), key=lambda each: each.cost)
-    against = {each.name: _reason_against(each, value, ratio, fitted) for each in able}
-    chosen = next((each.name for each in able if not against[each.name]), able[-1].name)
+    against = {each.name: _reason_against(each, data, ratio) for each in able}
+    chosen = next((name for name, words in against.items() if not words), able[-1].name)
     passed = [f"{name} has {words}" for name, words in against.items() if words and name != chosen]
     return chosen, "; ".join(["the cheapest that may size this scene", *passed])
 
 
-def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: bool) -> str:
+def _reason_against(engine: Engine, data: Mapping[str, Any], ratio: float | None) -> str:
     """State what an engine lacks on a scene; empty if nothing."""
     if found := engine.valid(ratio):
         return found
+    fitted = {"heckel_slope", "fed_density_ratio"} <= {*(value_at(data, "mix.fitted_at.parameters") or ())}
     if not fitted and any(each.low_fidelity == engine.name for each in BUILT_IN.values()):
         return "no fit to forces of a roller"
     for limit in engine.limits:
-        given = value(limit.key)
-        if not (given is None or limit.fixed or limit.takes(given, value("mix.overrides.steel_friction"))):
+        given = value_at(data, limit.key)
+        if not (given is None or limit.fixed or limit.takes(given, value_at(data, "mix.overrides.steel_friction"))):
             return f"no {limit.key} = {given}"
     return ""
 
