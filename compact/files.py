@@ -50,14 +50,10 @@ class ResultsError(RuntimeError):
 @cache
 def versions() -> dict[str, str]:
     """Return the versions of Python and of PACKAGES, and a hash of the sources of this package, by name."""
-    packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version()} | packages | {"source": source_hash(Path(__file__).parent)}
-
-
-def source_hash(package: Path) -> str:
-    """Hash names and contents of the sources of a package."""
-    files = sorted(path.relative_to(package).as_posix() for path in package.rglob("*") if path.suffix in SOURCES)
-    return checksum("".join(f"{name} {checksum((package / name).read_bytes())}\n" for name in files).encode())[:12]
+    packages, package = {name: version(name) for name in PACKAGES}, Path(__file__).parent
+    sources = sorted(path.relative_to(package).as_posix() for path in package.rglob("*") if path.suffix in SOURCES)
+    hashed = checksum("".join(f"{name} {checksum((package / name).read_bytes())}\n" for name in sources).encode())
+    return {"python": platform.python_version()} | packages | {"source": hashed[:12]}
 
 
 def results_key(*inputs: Any) -> str:

@@ -437,8 +437,7 @@ class Decision(Tabular, decision.Decision):
     @classmethod
     def of(cls, scene: Scene, line: Progress) -> Self:
         """Decide for a law of a scene while a line shows the progress, see `Scene.decide`."""
-        items = dict.fromkeys((*scene.output.items, "report"))  # with the sources of uncertainty
-        wanted = scene.replaced(**{"output.items": list(items)})
+        wanted = scene.replaced(**{"output.items": [*{*scene.output.items, "report"}]})  # with sources of uncertainty
         found = study.Study(wanted, line.begin, progress=line.report).decision
         if found is None:
             raise RuntimeError("no law has finite peaks by every model; give one without velocity jumps in motion.laws")

@@ -260,8 +260,7 @@ class Scene(loader.Scene):
         return self if engine in (None, self.accuracy.engine) else self.with_engine(str(engine))
 
     def __repr__(self) -> str:
-        title = self.title or "an untitled scene"
-        return f"<scene {title}, {self.file}, engine {self.accuracy.engine}>"
+        return f"<scene {self.title or 'an untitled scene'}, {self.file}, engine {self.accuracy.engine}>"
 
     def __str__(self) -> str:
         return repr(self)

@@ -19,10 +19,7 @@ SUCCESS, NO_RESULT, INVALID_INPUT = 0, 1, 2
 MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
 
 ScenePath = Annotated[Path, Parameter(help="scene file in TOML, or name of a published scene, such as loveikin-2015")]
-
-
-def _flag(meaning: str) -> Parameter:
-    return Parameter(negative="", show_default=False, help=meaning)
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 
 
 @Parameter(name="*")
@@ -32,16 +29,20 @@ class Console:
 
     Parameters
     ----------
-    verbose : int
-        1 for stages and files, 2 for the iterations of solvers too; on standard error.
+    quiet
+        print errors only
+    json
+        print the results as JSON in place of the digest
+    verbose
+        log stages and files; twice: iterations of solvers too
+    profile
+        print where the time went, stage by stage
     """
 
-    quiet: Annotated[bool, _flag("print errors only")] = False
-    json: Annotated[bool, _flag("print the results as JSON in place of the digest")] = False
-    verbose: Annotated[
-        int, Parameter(count=True, show_default=False, help="log stages and files; twice: iterations of solvers too")
-    ] = 0
-    profile: Annotated[bool, _flag("print where the time went, stage by stage")] = False
+    quiet: Flag = False
+    json: Flag = False
+    verbose: Annotated[int, Parameter(count=True, show_default=False)] = 0
+    profile: Flag = False
 
     def progress(self, total: int | None = None) -> "Progress":
         """Return the line of progress, of a job of some parts, or of unknown extent."""
@@ -82,20 +83,18 @@ class Console:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Job(Console):
-    """Options of every command that computes a scene."""
+    """Options of every command that computes a scene.
 
-    out: Annotated[
-        Path | None,
-        Parameter(help="folder of the results; default out/NAME-CHANGES-COMMAND, NAME of the scene file or its folder"),
-    ] = None
-    changes: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            negative="",
-            help="change a key of the scene, as mix.moisture=0.11; KEY= removes it; repeatable",
-        ),
-    ] = ()
+    Parameters
+    ----------
+    out
+        folder of the results; default out/NAME-CHANGES-COMMAND, NAME of the scene file or its folder
+    changes
+        change a key of the scene, as mix.moisture=0.11; KEY= removes it; repeatable
+    """
+
+    out: Path | None = None
+    changes: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = ()
 
     def place(self, path: Path, scene: "Scene", suffix: str = "") -> Path:
         """Return the folder or file of the results; a changed value of the scene enters the name."""
@@ -123,9 +122,15 @@ class Job(Console):
 @Parameter(name="*")
 @dataclass(frozen=True)
 class OwningJob(Job):
-    """Options of a command whose folder holds results of one scene."""
+    """Options of a command whose folder holds results of one scene.
 
-    force: Annotated[bool, _flag("overwrite the results of another scene")] = False
+    Parameters
+    ----------
+    force
+        overwrite the results of another scene
+    """
+
+    force: Flag = False
 
     @contextmanager
     def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, "Progress"]]:
@@ -138,12 +143,15 @@ class OwningJob(Job):
 @Parameter(name="*")
 @dataclass(frozen=True)
 class EngineJob(OwningJob):
-    """Options of a command that computes contacts."""
+    """Options of a command that computes contacts.
 
-    engine: Annotated[
-        Literal["auto", "formula", "column", "spectral", "fem", "compaction", "process"] | None,
-        Parameter(help="contact engine that replaces the engine of the scene"),
-    ] = None
+    Parameters
+    ----------
+    engine
+        contact engine that replaces the engine of the scene
+    """
+
+    engine: Literal["auto", "formula", "column", "spectral", "fem", "compaction", "process"] | None = None
 
     def read(self, path: Path, **replacements: object) -> "Scene":
         """Load a scene file with the engine of the option, as `Job.read`."""

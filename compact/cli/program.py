@@ -368,14 +368,13 @@ def sweep(
     """
     from compact.analysis.worker_pool import choose_executor
     from compact.report.sweep import sweep_digest, sweep_summary, write_sweep_report
-    from compact.sweep import design as varying
     from compact.sweep import sobol_indices
     from compact.sweep.corrected import create_sweep
+    from compact.sweep.design import read_design
 
     workforce = choose_executor(workers, scheduler)
     given = job.read(scene)
-    varied = [varying.read_design(text) for text in vary]
-    many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
+    many = create_sweep(given, [*map(read_design, vary)], rank=rank, indices=sobol, direct=direct)
     directory, failed = job.place(scene, given, "sweep"), 0
 
     def step(points: int, failures: int) -> None:

@@ -6,14 +6,10 @@ the first of which counts, the decision before all others; or a path, "work_bala
 
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from compact.files import ResultsError
-from compact.report.tables import format_number, format_percent, format_quantity, json_number, json_values
-
-if TYPE_CHECKING:
-    from compact.analysis.study import Study
-    from compact.scene.loader import Scene
+from compact.report.tables import format_number, format_percent, format_quantity
 
 SHOWN = 6  # [-], entries of a list or of a mapping that are shown
 NEAREST = 3  # [-], keys named where one is unknown
@@ -123,8 +119,7 @@ def _numeric(value: Any) -> bool:
 
 def _items(summary: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Yield paths and values of all keys, those of the decision first, then by depth."""
-    first = summary.get("decision")
-    level: list[tuple[tuple[str, ...], Any]] = [((), {"decision": first, **summary})]
+    level: list[tuple[tuple[str, ...], Any]] = [((), {"decision": summary.get("decision"), **summary})]
     while level:
         below = []
         for path, value in level:
@@ -138,13 +133,13 @@ def _items(summary: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
 
 def _origins(inputs: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, list[str]]:
     """Return inputs with their values by the origin that their comments state first."""
-    found: dict[str, dict[str, None]] = {}
+    found: dict[str, list[str]] = {}
     for table, _, names in (each.partition(":") for each in wanted):
         given = inputs.get(table, {})
         for name in given if names == "*" else (each for each in names.split(",") if each in given):
             origin = origin_of(given[name]["origin"])[0] or "without origin"
-            found.setdefault(origin, {})[f"{name} {worded(given[name]['value'])}"] = None
-    return {origin: [*names] for origin, names in found.items()}
+            found.setdefault(origin, []).append(f"{name} {worded(given[name]['value'])}")
+    return found
 
 
 def origin_of(comment: str) -> tuple[str, str]:
@@ -154,44 +149,3 @@ def origin_of(comment: str) -> tuple[str, str]:
     clause, word = next(stated, ("", ""))
     rest = [clause.removeprefix(word).strip(" :,"), *(each for each in clauses if each != clause)]
     return word, "; ".join(filter(None, rest))
-
-
-# what the summary has for it
-
-
-def decision_numbers(study: "Study") -> dict[str, Any] | None:
-    """Convert the decision; None where no law has finite peaks."""
-    from compact.report import text  # heavy, of a study alone
-
-    found, duration = study.decision, study.scene.motion.duration
-    if found is None:
-        return None
-    sizes, other = (
-        {key: json_values(each, "value unit low high margin shares") for key, each in table.items()}
-        for table in (found.sizes, found.other_sizes)
-    )
-    forces = {each.engine: json_number(each.mean_resistance[duration], "N") for each in study.models}
-    priors = {each.engine: json_number(each.prior[1], "N") for each in study.models if each.prior}
-    return {
-        **json_values(found, "law alternative engine invalid motor cam candidates excess"),
-        "sizes": sizes, "alternative_sizes": other, "above_first_law": found.regrets,
-        "drive": {by: {"ends_with_another_first": count, "ends": number, "excess": excess}
-                  for by, (count, number, excess) in found.drive.items()},
-        "fitted": text.fitted_inputs(study), "fitted_resistance": forces, "prior_resistance": priors,
-        "not_for_sizing": {each.engine: each.invalid for each in study.models if each.invalid},
-        "measurements": found.measurements,
-    }  # fmt: skip
-
-
-def input_numbers(scene: "Scene") -> dict[str, dict[str, Any]]:
-    """Convert the inputs of the scene by table and key, each with the comment on its origin."""
-    tables = {name: table for name in type(scene).model_fields if hasattr(table := getattr(scene, name), "model_dump")}
-    tables["mix.overrides"] = scene.mix.overrides
-    return {
-        name: {
-            key: {"value": value, "origin": scene.remark(f"{name}.{key}")}
-            for key, value in table.model_dump(mode="json", exclude_none=True).items()
-            if not isinstance(value, dict)
-        }
-        for name, table in tables.items()
-    }

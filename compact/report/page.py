@@ -22,7 +22,7 @@ from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA
 from compact.report import results, text
-from compact.report.explain import KNOWN, decision_numbers, explanation, input_numbers, origin_of
+from compact.report.explain import KNOWN, explanation, origin_of
 from compact.report.tables import Mark, TableSpec, format_column, format_percent
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
@@ -112,8 +112,7 @@ def _as_sentence(line: str) -> str:
 
 def render_page(title: str, **context: Any) -> str:
     """Render the page of a context, or of finished HTML `content`."""
-    data = files("compact") / "data"
-    style, script = ((data / name).read_text("utf-8") for name in ("page.css", "page.js"))
+    style, script = ((files("compact") / "data" / name).read_text("utf-8") for name in ("page.css", "page.js"))
     return str(_template().render(title=title, style=style, script=script, **context))
 
 
@@ -160,16 +159,14 @@ def _ranking(study: Study) -> Iterator[Block]:
     orders = dict(islice(study.stages.drive.places[kind].items(), text.ANSWER_CRITERIA))
     same = same_motions(study.stages.laws.cycles)
     laws = [place.law for place in next(iter(orders.values())) if same[place.law] == place.law]
-    names = {law: " = ".join(each for each in same if same[each] == law) for law in laws}
-    columns: dict[str, list[str]] = {"law": [names[law] for law in laws]}
+    columns: dict[str, list[str]] = {"law": [" = ".join(each for each in same if same[each] == law) for law in laws]}
     for by, order in orders.items():
-        places = sorted((each for each in order if each.law in names), key=lambda place: laws.index(place.law))
+        places = sorted((each for each in order if each.law in laws), key=lambda place: laws.index(place.law))
         values = [format_column([place.value], CRITERIA[by].unit, 3)[0] for place in places]
-        head = CRITERIA[by].quantity.term
-        columns[f"{head} (rank)"] = [f"{value} ({place.rank})" for value, place in zip(values, places, strict=True)]
-        columns["to the next" if len(columns) < 3 else "to its next"] = [
-            "tie" if place.tie else format_percent(place.margin) for place in places
-        ]
+        head = f"{CRITERIA[by].quantity.term} (rank)"
+        columns[head] = [f"{value} ({place.rank})" for value, place in zip(values, places, strict=True)]
+        margins = ["tie" if place.tie else format_percent(place.margin) for place in places]
+        columns["to the next" if len(columns) < 3 else "to its next"] = margins
     yield TableSpec.of_columns(f"Laws by engine and drive of the scene ({kind}); others in ranking.csv", columns)
 
 
@@ -202,14 +199,14 @@ def _checks(study: Study) -> Iterator[Block]:
 
 def _explained(study: Study) -> Iterator[Block]:
     """Explain every size of the decision, as `compact explain` does."""
-    summary = {"decision": decision_numbers(study), "inputs": input_numbers(study.scene), "engine": ""}
+    summary = {"decision": results.decision_numbers(study), "inputs": results.input_numbers(study.scene), "engine": ""}
     for key in study.decision.sizes if study.decision else ():
         yield ". ".join(explanation(summary, key))
 
 
 def _inputs(study: Study) -> Iterator[Block]:
     """List every input of the scene and every parameter of the mix with its origin; assumed ones are marked."""
-    for name, given in input_numbers(study.scene).items():
+    for name, given in results.input_numbers(study.scene).items():
         values = [each["value"] for each in given.values()]
         if given and name not in NOT_INPUTS:
             yield TableSpec.of_columns(f"[{name}]", {

@@ -75,9 +75,8 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
     """Return the results for process.json: numbers with units, and sentences."""
     row, by_lifts = study.row, dict[str, Any]()
     if row.lifts is not None:
-        errors = "error lumping_error mesh_error extrapolated_share"
         by_lifts = {
-            name: json_number(each.value, "N") | json_values(each, errors)
+            name: json_number(each.value, "N") | json_values(each, "error lumping_error mesh_error extrapolated_share")
             for name, each in ((name, row.estimate(name)) for name in FORCES)
         }
         by_lifts |= {"air_is_counted": study.counts_air} | _with_units(row.numbers_by_lifts, PROCESS_LIFTS)

@@ -12,7 +12,9 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
-from compact.report.tables import Getter, TableSpec
+from compact.report import text
+from compact.report.tables import Getter, TableSpec, json_number, json_values
+from compact.scene.loader import Scene
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 CONTACT = (
@@ -153,8 +155,7 @@ def cam_tables(study: Study) -> Iterator[TableSpec]:
     for (law, follower), cam in laws.cams.items():
         points = cam.table(CAM_POINTS)
         yield TableSpec.of_arrays(f"cams/{law}-{follower}", " ".join(points), list(points.values()))
-    cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
-    yield TableSpec.of("cams", cams, CAM)
+    yield TableSpec.of("cams", [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()], CAM)
     for law, cycle in study.stages.laws.cycles.items():
         time = np.linspace(0, cycle.period, CAM_POINTS)
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, time)
@@ -212,8 +213,7 @@ def duration_tables(found: durations.DurationStudy) -> Iterator[TableSpec]:
     ]
     yield TableSpec.of("duration", ranked, f"duration_s=4 criterion=3 {RANKING} reason=0.reason")
     unit = {"unit": lambda each: CRITERIA[each.by].unit}
-    names = "criterion=by duration_s shorter longer value"
-    yield TableSpec.of("duration-crossovers", found.crossovers, names, **unit)
+    yield TableSpec.of("duration-crossovers", found.crossovers, "criterion=by duration_s shorter longer value", **unit)
 
 
 ITEMS: Mapping[str, Callable[[Study], Iterator[TableSpec]]] = {  # files by the output items of a scene
@@ -224,3 +224,42 @@ ITEMS: Mapping[str, Callable[[Study], Iterator[TableSpec]]] = {  # files by the 
 def write_tables(place: Path, tables: Iterable[TableSpec]) -> list[Path]:
     """Write tables into a directory as CSV."""
     return [table.write(place / f"{table.title}.csv") for table in tables]
+
+
+# what `compact explain` reads
+
+
+def decision_numbers(study: Study) -> dict[str, Any] | None:
+    """Convert the decision; None where no law has finite peaks."""
+    found, duration = study.decision, study.scene.motion.duration
+    if found is None:
+        return None
+    sizes, other = (
+        {key: json_values(each, "value unit low high margin shares") for key, each in table.items()}
+        for table in (found.sizes, found.other_sizes)
+    )
+    forces = {each.engine: json_number(each.mean_resistance[duration], "N") for each in study.models}
+    priors = {each.engine: json_number(each.prior[1], "N") for each in study.models if each.prior}
+    return {
+        **json_values(found, "law alternative engine invalid motor cam candidates excess"),
+        "sizes": sizes, "alternative_sizes": other, "above_first_law": found.regrets,
+        "drive": {by: {"ends_with_another_first": count, "ends": number, "excess": excess}
+                  for by, (count, number, excess) in found.drive.items()},
+        "fitted": text.fitted_inputs(study), "fitted_resistance": forces, "prior_resistance": priors,
+        "not_for_sizing": {each.engine: each.invalid for each in study.models if each.invalid},
+        "measurements": found.measurements,
+    }  # fmt: skip
+
+
+def input_numbers(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Convert the inputs of the scene by table and key, each with the comment on its origin."""
+    tables = {name: table for name in type(scene).model_fields if hasattr(table := getattr(scene, name), "model_dump")}
+    tables["mix.overrides"] = scene.mix.overrides
+    return {
+        name: {
+            key: {"value": value, "origin": scene.remark(f"{name}.{key}")}
+            for key, value in table.model_dump(mode="json", exclude_none=True).items()
+            if not isinstance(value, dict)
+        }
+        for name, table in tables.items()
+    }

@@ -163,8 +163,7 @@ def _panels(count: int, **labels: str) -> tuple[Figure, list[Axes]]:
 
 def _legend(figure: Figure, marks: Sequence[Any]) -> None:
     if marks:
-        longest = max(len(str(mark.get_label())) for mark in marks)
-        columns = min(8, len(marks), max(1, LEGEND_WIDTH // longest))
+        columns = min(8, len(marks), max(1, LEGEND_WIDTH // max(len(str(mark.get_label())) for mark in marks)))
         figure.legend(handles=marks, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 
 

@@ -9,14 +9,16 @@ import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from compact import quantities
 from compact.files import write_csv
-from compact.quantities import CONTACT, Quantity, column_names, unit_symbol
+from compact.quantities import Quantity, column_names, unit_symbol
 
 if TYPE_CHECKING:
     import pandas
@@ -36,6 +38,14 @@ UNIT = re.compile(r"(?:(?:rad|kg|Pa|SI|[NWJmsh])\d?/?)+")  # at the end of the n
 WORD = Quantity("", "")  # of a column of words
 OF_ROW = ("value", "low", "high")  # columns in the unit of each row, where a table has a column "unit"
 Getter = str | Callable[[Any], Any]
+
+
+@cache
+def _known() -> dict[tuple[str, str], Quantity]:
+    """Collect the quantities of the package by field and unit; the first record that has one defines it."""
+    tables = [table for table in vars(quantities).values() if isinstance(table, dict)]
+    items = [item for table in reversed(tables) for item in table.items()]
+    return {(name, each.unit): each for name, each in items if isinstance(each, Quantity)}
 
 
 def columns(names: str) -> dict[str, Getter]:
@@ -145,8 +155,7 @@ class TableSpec:
         for place, column in enumerate(declared):
             name, unit = split_unit(column)
             words = unit == "1" and any(isinstance(row[place], str | Mark) for row in rows)
-            known = CONTACT.get(name)
-            found[name] = WORD if words else known if known and known.unit == unit else Quantity("", unit)
+            found[name] = WORD if words else _known().get((name, unit), Quantity("", unit))
         return cls(title, found, rows)
 
     @classmethod
@@ -221,8 +230,7 @@ class TableSpec:
         found = {}
         for name, quantity in self.quantities.items():
             told = {"units": quantity.unit, "long_name": quantity.long_name or name.replace("_", " ")}
-            values = [math.nan if value is None else value for value in self[name]]
-            found[name] = ((dimension,), values, told)
+            found[name] = ((dimension,), [math.nan if value is None else value for value in self[name]], told)
         coordinate = {dimension: found.pop(dimension)}
         return xarray.Dataset(found, coordinate, dict(attributes))
 

@@ -129,8 +129,7 @@ def decision_table(study: Study) -> TableSpec:
         size, other = found.sizes[key], found.other_sizes.get(key)
         more = f"{say('top', other)} {say('change', other.high / size.high - 1)}" if other else ""
         spread = [say("band", size), format_percent(size.margin)] if known else []
-        cells = [say("size", size), *spread, more]
-        columns[key.replace("_", " ")] = cells[: len(columns["law"])]
+        columns[key.replace("_", " ")] = [say("size", size), *spread, more][: len(columns["law"])]
     return TableSpec.of_columns(say("decision", study), columns)
 
 

@@ -18,7 +18,6 @@ from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import contact_figures, figures, process, results
-from compact.report.explain import decision_numbers, input_numbers
 from compact.report.page import write_page
 from compact.report.tables import TableSpec, json_number, json_numbers, json_values
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
@@ -115,8 +114,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     """
     first, stage, engine = passes[0], study.stages.contacts, study.scene.accuracy.engine
     values = first.x, first.pressure, first.shear_traction
-    table = TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values)
-    table.write(directory / "pressure.csv")
+    TableSpec.of_arrays("pressure", "x_m pressure_Pa shear_traction_Pa", values).write(directory / "pressure.csv")
     content = stage.record(speed, tuple(passes)).to_json()
     files.write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     files.write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
@@ -156,7 +154,8 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
 def study_figures(study: Study) -> dict[str, Callable[[], Figure]]:
     """List the figures of a study by name."""
     drive, cycles = study.stages.drive, study.stages.laws.cycles
-    force, first = study.stages.resistance, study.machine_sizing.first
+    places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
+    force = study.stages.resistance
     found: dict[str, Callable[[], Figure]] = {}
     if study.stages.contacts.speeds:
         peak = float(np.median([cycle.forward.peaks().acceleration for cycle in cycles.values()]))
@@ -171,7 +170,7 @@ def study_figures(study: Study) -> dict[str, Callable[[], Figure]]:
         speeds = {law: cycles[law].forward.peaks().velocity for law in study.best_laws}
         found["models"] = partial(contact_figures.draw_models, study.models, speeds)
         found["best_cycles"] = partial(figures.draw_best_cycles, {law: drive.runs[law] for law in study.best_laws})
-    return found | {"ranking": partial(figures.draw_rankings, drive.places[study.scene.drive.kind])}
+    return found | {"ranking": partial(figures.draw_rankings, places)}
 
 
 def study_summary(study: Study, written: list[str]) -> dict[str, Any]:
@@ -209,8 +208,8 @@ def study_summary(study: Study, written: list[str]) -> dict[str, Any]:
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": None if known is None else _verdict(study, known),
         "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()} or None,
-        "decision": decision_numbers(study),
-        "inputs": input_numbers(scene),
+        "decision": results.decision_numbers(study),
+        "inputs": results.input_numbers(scene),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not contacts.mix.not_achievable, "reason": contacts.mix.not_achievable},

@@ -123,8 +123,7 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
             continue
         sentences.append(replaced(engine, limit, value))
         table, key = limit.key.split(".")
-        part = getattr(scene, table).model_copy(update={key: limit.taken[0]})
-        scene = scene.model_copy(update={table: part})
+        scene = scene.model_copy(update={table: getattr(scene, table).model_copy(update={key: limit.taken[0]})})
     return scene, tuple(sentences)
 
 
@@ -153,8 +152,7 @@ def _refusal(key, value, chosen, friction):
         and all(each.takes(value, friction) for each in engine.limits if each.key == key)
     ]
     remedy = f"give {_listed(limits[0].taken)}" if any(limits[0].taken) else "take the key out"
-    is_number = isinstance(value, int | float)
-    got = f"{key.rpartition('.')[2]} of {value:g}" if is_number else _shown(value)
+    got = f"{key.rpartition('.')[2]} of {value:g}" if isinstance(value, int | float) else _shown(value)
     return (
         f'the engine "{chosen}" takes no {got}, as {limits[0].why}; {remedy}, or choose '
         f"accuracy.engine = {_listed(able)}"
@@ -190,26 +188,15 @@ LIMITS = (  # key, relation, limit as a formula of other keys, remedy
     ("drive.motor.belt.stiffness", "at least", "20 * drive.motor.belt.preload", "the belt may stretch by 5 % at most"),
     ("cam.breadth", "above", "motion.stroke", "give a broader cam"),
     ("process.mould_speed", "equal to", "product.mould_speed", "take product.mould_speed out"),
-    (
-        "process.mould_speed", "at most", "machine.roller_length / (motion.duration + motion.dwell)",
-        "parts of the product would pass between two strokes",
-    ),
-    (
-        "process.mould_speed", "at least",
-        f"machine.roller_length / (motion.duration + motion.dwell) / {STROKES_LIMIT}",
-        "give 0 with process.strokes for a mould at rest",
-    ),
-    (
-        "process.fill_height", "at most",
-        "product.height + machine.roller_radius * (1 - cos(process.nip_angle))", "the roller draws in no more",
-    ),
-    (
-        "process.gap", "at most", "machine.roller_radius * (1 - cos(process.nip_angle))", "the roller draws in no more",
-    ),
-    (
-        "process.product_density_ratio", "above", "max(process.feed_density_ratio, process.fill_density_ratio or 0)",
-        "give the density behind the last stroke",
-    ),
+    ("process.mould_speed", "at most", "machine.roller_length / (motion.duration + motion.dwell)",
+     "parts of the product would pass between two strokes"),
+    ("process.mould_speed", "at least", f"machine.roller_length / (motion.duration + motion.dwell) / {STROKES_LIMIT}",
+     "give 0 with process.strokes for a mould at rest"),
+    ("process.fill_height", "at most", "product.height + machine.roller_radius * (1 - cos(process.nip_angle))",
+     "the roller draws in no more"),
+    ("process.gap", "at most", "machine.roller_radius * (1 - cos(process.nip_angle))", "the roller draws in no more"),
+    ("process.product_density_ratio", "above", "max(process.feed_density_ratio, process.fill_density_ratio or 0)",
+     "give the density behind the last stroke"),
     *(
         (key, "below", "mix.overrides.saturation_limit", "mix at rest is no denser")
         for key in (

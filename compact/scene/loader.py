@@ -292,8 +292,7 @@ class Scene(SceneTables):
     @property
     def hash(self) -> str:
         """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the files that it names."""
-        content = self.model_dump(exclude_none=True, exclude=UNHASHED)
-        digest = sha256(json.dumps(content, sort_keys=True).encode())
+        digest = sha256(json.dumps(self.model_dump(exclude_none=True, exclude=UNHASHED), sort_keys=True).encode())
         for found in self.checksums.values():
             digest.update(bytes.fromhex("".join(found)))
         return digest.hexdigest()

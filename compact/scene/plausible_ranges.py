@@ -133,10 +133,9 @@ def _of_mean_speed(say: Say, stroke: float, duration: float, unusual: Any) -> st
     given = {"motion.stroke": stroke, "motion.duration": duration}
     if any(range_of(key).excludes(value, REFUSED) for key, value in given.items()):
         return None  # said there
-    refuses = say is Range.refusal
     if MEAN_SPEED.excludes(stroke / duration) and stroke > duration and not MEAN_SPEED.excludes(duration / stroke):
         words = f'{SWAPPED.format(stroke, duration)}, or unusual = ["motion.duration"] at the top of the scene'
-        return words if refuses else None
+        return words if say is Range.refusal else None
     return say(MEAN_SPEED, "motion.duration", stroke / duration)
 
 

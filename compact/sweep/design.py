@@ -192,7 +192,6 @@ def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled
             words = "only mix.overrides and its keys have a spread to sample; give a grid or a list"
             raise SceneError([f"{key}: {words}"])
         require_known("mix parameter", name, mix.PARAMETER_NAMES)
-        scene.require_fields(**{key: None})
         if name in given:
             raise SceneError([f"{key}: is given, so it has no spread to sample; delete the value"])
         names.add(name)
@@ -207,5 +206,4 @@ def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[Array, tup
         return qmc.Sobol(len(names), seed=SEED).random(count), ("A",) * count
     first, second = np.split(qmc.Sobol(2 * len(names), seed=SEED).random(count), 2, axis=1)
     mixed = [np.where(np.arange(len(names)) == i, second, first) for i in range(len(names))]
-    parts = tuple(part for part in ("A", "B", *names) for _ in range(count))
-    return np.concatenate([first, second, *mixed]), parts
+    return np.concatenate([first, second, *mixed]), tuple(np.repeat(["A", "B", *names], count).tolist())
