@@ -61,9 +61,9 @@ class Progress:
         file, hidden = stream or sys.stderr, quiet or bool(_RUNNING)  # the outer line shows
         self._plain = not hidden and stream is None and "ipykernel" in sys.modules  # a notebook
         counted = [progress.MofNCompleteColumn(separator=" of ")] if total else []
-        shown = progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed", *counted, "{task.description}"
+        parts: list[Any] = [progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed", *counted]
         self._line = progress.Progress(
-            *shown, console=Console(file=file), transient=True, refresh_per_second=REFRESH_RATE,
+            *parts, "{task.description}", console=Console(file=file), transient=True, refresh_per_second=REFRESH_RATE,
             disable=hidden or not file.isatty(),
         )  # fmt: skip
         self._task = self._line.add_task("", total=total)
