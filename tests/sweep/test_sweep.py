@@ -6,6 +6,7 @@ import os
 import signal
 from functools import partial
 from itertools import product
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from sweeps import COLUMNS, FORMULA, swept
 
 from compact import files
 from compact.analysis.stages import ensemble
-from compact.analysis.stages.ensemble import Change, Task, compute
+from compact.analysis.stages.ensemble import Change, compute
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, run_tasks
 from compact.files import ResultsError
@@ -125,11 +126,11 @@ def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("small_tasks")
 def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
-    executor, killed = ProcessExecutor(2), []
+    executor, killed, others = ProcessExecutor(2), [], active_children()
 
     def kill(points, failed):
         if points and not killed:
-            killed.append(executor.pids[0])
+            killed.append(next(each.pid for each in active_children() if each not in others))
             os.kill(killed[0], signal.SIGKILL)
 
     table, _ = swept(tmp_path, COLUMNS, GRID, executor, step=kill)
@@ -138,7 +139,7 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
 
 
 def task(scene, points, versions):
-    return Task(scene, partial(sweep.headline, False), tuple(Change("", keys) for keys in points), versions=versions)
+    return scene, partial(sweep.headline, False), versions, ([Change("", keys) for keys in points], ())
 
 
 # (c) resumption
@@ -301,7 +302,7 @@ def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
 
 def held(task):
     """Memory [MB] that a worker holds after a task, without the garbage that Python has not collected yet."""
-    compute(task)
+    compute(*task)
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 

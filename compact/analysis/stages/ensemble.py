@@ -18,6 +18,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from itertools import combinations_with_replacement, zip_longest
 from math import dist
 from pathlib import Path
@@ -99,34 +100,27 @@ class Change(NamedTuple):
 Run = Callable[[Scene, Change], Values]  # of a changed scene
 
 
-class Task(NamedTuple):
-    """Changes that one worker evaluates in order; with places [-], each starts from the nearest contact before it."""
-
-    scene: Scene
-    run: Run
-    changes: tuple[Change, ...]
-    places: tuple[tuple[float, ...], ...] = ()
-    versions: Mapping[str, str] = NO_KEYS
+Task = tuple[Sequence[Change], Iterable[tuple[float, ...]]]  # changes and their places [-], or none
 
 
-def compute(task: Task) -> list[dict[str, Any]]:
-    """Evaluate the changes of a task, with one thread of linear algebra.
+def compute(scene: Scene, run: Run, required: Mapping[str, str], task: Task) -> list[dict[str, Any]]:
+    """Evaluate changes of a scene in order, with one thread of linear algebra.
+
+    With places each starts from the nearest contact before it.
 
     Raises
     ------
     RuntimeError
-        If this worker has other versions than the command.
+        If this worker has other versions than the required ones.
     """
-    here = versions()
-    if differing := [f"{name} {here.get(name)} for {v}" for name, v in task.versions.items() if here.get(name) != v]:
+    here, contacts, found = versions(), list[tuple[tuple[float, ...], Contact]](), list[dict[str, Any]]()
+    if differing := [f"{name} {here.get(name)} for {v}" for name, v in required.items() if here.get(name) != v]:
         raise RuntimeError(f"a worker has other versions: {', '.join(differing)}; install the same on both")
-    found: list[dict[str, Any]] = []
-    contacts: list[tuple[tuple[float, ...], Contact]] = []
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        for change, place in zip_longest(task.changes, task.places):
+        for change, place in zip_longest(*task):
             guess = min(contacts, key=lambda each: round(dist(each[0], place), 9))[1] if contacts else change.start
             try:
-                values = dict(task.run(change.of(task.scene), change._replace(start=guess)))
+                values = dict(run(change.of(scene), change._replace(start=guess)))
             except (ValueError, RuntimeError) as error:
                 values = {"reason": reason_of(error)}
             contact = values.pop(START, None)
@@ -175,9 +169,9 @@ class Store:
             except (ValueError, TypeError):
                 self.broken.append(path.name)
                 path.unlink()
-        for partial in directory.glob(".*.part") if directory else ():  # of commands that were killed
+        for unfinished in directory.glob(".*.part") if directory else ():  # of commands that were killed
             with suppress(OSError):
-                partial.unlink()
+                unfinished.unlink()
 
     def write(self, results: Mapping[str, Any]) -> None:
         """Write results by key into one file."""
@@ -263,9 +257,7 @@ def ensemble(
     dict
         Values by number of the change.
     """
-    changes, kept = list(changes), store or Store()
-    found: dict[int, dict[str, Any]] = {}
-    tasks: list[Task] = []
+    changes, kept, found, tasks = list(changes), store or Store(), dict[int, dict[str, Any]](), list[Task]()
     pending: list[dict[int, str]] = []  # of each task: key by number of the change
     for group in [[number] for number in range(len(changes))] if groups is None else groups:
         keys: dict[int, str] = {}
@@ -277,11 +269,12 @@ def ensemble(
         chain = group if missing and places is not None else missing
         if missing:
             at = () if places is None else tuple(map(tuple, places[list(chain)].tolist()))
-            tasks.append(Task(scene, run or peaks_of, tuple(changes[number] for number in chain), at, versions()))
+            tasks.append(([changes[number] for number in chain], at))
             pending.append({number: keys[number] for number in chain})
         kept.used.update(keys.values())
     step(len(found), sum(bool(each.get("reason")) for each in found.values()))
-    for task, job in run_tasks(compute, tasks, executor or SerialExecutor()):
+    work = partial(compute, scene, run or peaks_of, versions())
+    for task, job in run_tasks(work, tasks, executor or SerialExecutor()):
         keys = pending[task]
         try:
             values = job.result()
