@@ -137,8 +137,8 @@ def fully_compacted():
 @case("columns, second pass at the same height", "no resistance: the mix is compacted already")
 def second_pass():
     scene = load_scene(SCENE)
-    layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).stages.contacts.mix, "column", 0.2)
-    roller = replace(roller, rolling="frictionless")
+    case = contact_cases.case_of(scene, Study(scene).stages.contacts.mix, 0.2, "column")
+    layer, roller, material = case.layer, replace(case.roller, rolling="frictionless"), case.material
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
     recovered = sum(part.height for part in first.exit.layer)

@@ -24,7 +24,7 @@ from time import process_time
 
 import numpy as np
 
-from compact.analysis.contact_cases import contact_inputs, scene_mix
+from compact.analysis.contact_cases import case_of, scene_mix
 from compact.analysis.pore_air import air_curve, air_under
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
@@ -54,7 +54,8 @@ def lift(fed=FED, depth=DEPTH):
         "accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": fed,
         "mix.overrides.heckel_slope": 1.487e-5, "mix.overrides.rate_sensitivity": 0.0, "contact.indentation": depth,
     })  # fmt: skip
-    return *contact_inputs(scene, scene_mix(scene), "compaction", scene.mean_speed), scene.mix.moisture
+    case = case_of(scene, scene_mix(scene), scene.mean_speed)
+    return case.layer, case.roller, case.material, scene.mix.moisture
 
 
 def rolled(increments=None, **changes):

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from compact.analysis import machine_models as machine
-from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.ranking_uncertainty import ties
+from compact.analysis.contact_cases import case_of
+from compact.analysis.stages.drives import ties
 from compact.analysis.study import Study
 from compact.drive import CRITERIA, rank, simulate
 from compact.engines.compaction import engine as compaction
@@ -143,9 +143,10 @@ def compacting(study, increments=INCREMENTS):
     scene, contacts = study.scene, []
     speeds = study.stages.resistance.largest_speed * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
-        layer, roller, material = contact_inputs(scene, study.stages.contacts.mix, "compaction", float(speed))
+        case = case_of(scene, study.stages.contacts.mix, float(speed), "compaction")
         guess = contacts[-1] if contacts else None
-        contacts.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=guess))
+        inputs = case.layer, case.roller, case.material, case.speed
+        contacts.append(compaction.roll(*inputs, increments=increments, start=guess))
     load, force = scene.machine.roller_length * np.array([[each.load, each.resistance] for each in contacts]).T
     force = scene.machine.rollers * force
     map_error = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)

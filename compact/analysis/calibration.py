@@ -20,11 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from compact.analysis.contact_cases import contact_inputs, on_roller, roll_scene, scene_mix
-from compact.analysis.stages.ensemble import Change, ensemble
+from compact.analysis.contact_cases import case_of, on_roller, roll_scene, scene_mix
+from compact.analysis.failures import reason_of
 from compact.engines.process.kneading import KneadingFit
 from compact.material import mix
-from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
@@ -93,25 +92,29 @@ class Calibration:
     elements: Contact | None = None
     coarse: "Calibration | None" = None
 
-    @property
-    def unknowns(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self.model.unknowns
-
     @cached_property
     def refits(self) -> tuple[Refit, ...]:
-        """Parameters at every bound of data and assumptions: an ensemble of fits of the corrected column model."""
-        model, spreads = self.model, (scene_mix(self.model.scene).parameter(name) for name in ASSUMED)
-        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
-        cases: list[tuple[str, float, dict[str, float], list[float]]] = []
+        """Parameters at every bound of data and assumptions, by fits of the corrected column model."""
+        model, spreads, found = self.model, (scene_mix(self.model.scene).parameter(name) for name in ASSUMED), []
         for i, (name, band) in enumerate(model.data):
             for bound in {band.low, band.high} - {band.value}:
-                cases.append((name, bound, {}, [*model.values[:i], bound, *model.values[i + 1 :]]))
+                found.append(self._refit(name, bound, {}, [*model.values[:i], bound, *model.values[i + 1 :]]))
+        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
         for key, bounds in (assumed | model.measured.assumptions).items():
-            cases += [(key, bound, {key: bound}, model.values) for bound in bounds]
-        changes = [Change(f"{number}", keys) for number, (_, _, keys, _) in enumerate(cases)]
-        found = ensemble(model.scene, changes, partial(_refitted, model, self.fit, [case[-1] for case in cases]))
-        return tuple(Refit(name, bound, **found[number]) for number, (name, bound, *_) in enumerate(cases))
+            found += [self._refit(key, bound, {key: bound}, model.values) for bound in bounds]
+        return tuple(found)
+
+    def _refit(self, name: str, bound: float, keys: Mapping[str, float], values: Sequence[float]) -> Refit:
+        """Fit the column model of the scene with other keys to values, with the correction of the fit."""
+        if self.fit.history and name in BEYOND_COLUMNS:
+            return Refit(name, bound, reason=f"columns do not depend on it; calibrate with --set {name}={bound:g}")
+        try:
+            model = replace(self.model, scene=self.model.scene.replaced(**keys))
+            again = fit_parameters(model.predicted, values, model.start, correction=self.fit.correction)
+            found = model.scene_at(again.unknowns)
+        except (ValueError, RuntimeError) as error:
+            return Refit(name, bound, reason=reason_of(error))
+        return Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
 
     @property
     def heckel_slope(self) -> float:
@@ -128,7 +131,7 @@ class Calibration:
         """Keys that enter the fit into the scene, and where it holds; earlier fits are scaled to the same place."""
         mix, before = self.scene.mix, self.scene.mix.fitted_at
         fits = mix.scaled_fits | {"heckel_slope": self.heckel_slope}
-        names = (*self.unknowns, *(before.parameters if before else ()))
+        names = (*self.model.unknowns, *(before.parameters if before else ()))
         place = {"moisture": mix.moisture, "density_ratio": mix.density_ratio, "parameters": list(dict.fromkeys(names))}
         changes = {f"mix.overrides.{name}": value for name, value in fits.items()}
         return changes | {"layer.fed_density_ratio": self.fed_density_ratio, "mix.fitted_at": place}
@@ -139,7 +142,7 @@ class Calibration:
         k, required = self.fed_density_ratio, self.scene.mix.density_ratio
         by_logit = (k - LOOSE) * (required - k) / (required - LOOSE) / k  # d ln k/d logit
         scales = {"heckel_slope": 1.0, "fed_density_ratio": by_logit}
-        return self.fit.sensitivity * np.array([[scales[name]] for name in self.unknowns])
+        return self.fit.sensitivity * np.array([[scales[name]] for name in self.model.unknowns])
 
 
 def calibrate(
@@ -188,7 +191,7 @@ def calibrate(
     for key, bounds in measured.assumptions.items():
         scene.require_fields(**{key: bounds[0]})
     model, guess, count = _Model(scene, measured, tuple(unknowns)), initial_guess, len(measured.measurements)
-    if guess and (guess.elements is None or guess.unknowns != model.unknowns or len(guess.rolled) != count):
+    if guess and (guess.elements is None or guess.model.unknowns != model.unknowns or len(guess.rolled) != count):
         fitted = f"has fitted {', '.join(unknowns)} to {count} measurements"
         raise ValueError(f"`initial_guess` must be a calibration of finite elements that {fitted}")
     coarse: Calibration | None = None
@@ -200,9 +203,9 @@ def calibrate(
         elements = partial(_by_elements, options, rolled)
         fine = partial(model.predicted, contact=elements)
         start, correction = (guess.fit.unknowns, guess.fit.correction) if guess else (model.shallow_start, None)
-    mapping: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
     try:
-        fit = fit_parameters(model.columns, model.values, start, fine, **mapping)
+        numerics: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
+        fit = fit_parameters(model.predicted, model.values, start, fine, **numerics)
     except ValueError as error:
         of_trial = isinstance(error, SceneError) or "density_ratio" in str(error)
         words = "no slope and initial density ratio give these data" if of_trial else f"{error}; the fit is"
@@ -212,6 +215,19 @@ def calibrate(
     found = model.scene_at(fit.unknowns)
     contacts = (rolled[each] if elements else _column(found, each) for each in measured.measurements)
     return Calibration(found, model, fit, tuple(contacts), elements, coarse)
+
+
+def _as_measured(scene: Scene, measurement: Any) -> tuple[Scene, float]:
+    """Return scene and speed [m/s] of a measurement."""
+    if measurement.exit_density_ratio is not None:
+        scene = scene.replaced(**{"mix.density_ratio": measurement.exit_density_ratio})
+    return scene, measurement.speed or scene.mean_speed
+
+
+def _column(scene: Scene, measurement: Any) -> ContactResult:
+    """Compute the contact of a measurement by the column model."""
+    scene, speed = _as_measured(scene, measurement)
+    return roll_scene(scene, scene_mix(scene), speed, "column")
 
 
 @dataclass(frozen=True)
@@ -257,7 +273,7 @@ class _Model:
             start["fed_density_ratio"] = np.fmax(start["fed_density_ratio"], least)
         if "heckel_slope" in start and "load" in names:
             load = names.index("load")
-            found = self.columns(np.array(list(start.values())))[load]
+            found = self.predicted(np.array(list(start.values())))[load]
             start["heckel_slope"] += np.log(PLANE_STRAIN_FACTOR * found / self.values[load])
         return np.array(list(start.values()))
 
@@ -273,42 +289,13 @@ class _Model:
             changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) * share)
         return self.scene.replaced(**changes)
 
-    def predicted(self, u: Array, contact: Contact) -> Array:
-        """Predict the data for the unknowns `u` by a function of scene and measurement."""
+    def predicted(self, u: Array, contact: Contact = _column) -> Array:
+        """Predict the data for the unknowns `u` by a function of scene and measurement, by columns by default."""
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
             known = on_roller(contact(trial, measurement), length)
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
-
-    def columns(self, u: Array) -> Array:
-        """Predict the data by columns."""
-        return self.predicted(u, _column)
-
-
-def _refitted(
-    model: _Model, fit: SpaceMappingFit, values: Sequence[Sequence[float]], scene: Scene, change: Change
-) -> dict[str, Any]:
-    """Fit the column model of a changed scene to the values of the change, with the correction of a fit."""
-    for name in change.keys.keys() & set(BEYOND_COLUMNS) if fit.history else ():
-        return {"reason": f"columns do not depend on it; calibrate with --set {name}={change.keys[name]:g}"}
-    there = replace(model, scene=scene)
-    again = fit_parameters(there.columns, values[int(change.label)], there.start, correction=fit.correction)
-    found = there.scene_at(again.unknowns)
-    return {"heckel_slope": scene_mix(found).heckel_slope, "fed_density_ratio": found.layer.fed_density_ratio}
-
-
-def _as_measured(scene: Scene, measurement: Any) -> tuple[Scene, float]:
-    """Return scene and speed [m/s] of a measurement."""
-    if measurement.exit_density_ratio is not None:
-        scene = scene.replaced(**{"mix.density_ratio": measurement.exit_density_ratio})
-    return scene, measurement.speed or scene.mean_speed
-
-
-def _column(scene: Scene, measurement: Any) -> ContactResult:
-    """Compute the contact of a measurement by the column model."""
-    scene, speed = _as_measured(scene, measurement)
-    return roll_scene(scene, scene_mix(scene), speed, "column")
 
 
 def _by_elements(
@@ -319,11 +306,10 @@ def _by_elements(
     from compact.engines.compaction import engine as compaction
 
     scene, speed = _as_measured(scene, measurement)
-    layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
-    assert isinstance(material, Compaction)  # of this engine
-    required = scene.mix.density_ratio
-    feed = required_feed(layer.height, required, material, speed, radius=roller.radius)
-    roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
+    case, required = case_of(scene, scene_mix(scene), speed, "compaction"), scene.mix.density_ratio
+    layer, material = case.layer, case.material
+    feed = required_feed(layer.height, required, material, speed, radius=case.roller.radius)
+    roller = replace(case.roller, indentation=layer.height * feed.indentation / feed.height)
     options = {"steady_tolerance": STEADY_TOLERANCE} | options
     rolled[measurement] = compaction.roll(layer, roller, material, speed, exit_density_ratio=required, **options)
     return rolled[measurement]
@@ -387,9 +373,8 @@ def calibrate_drive(scene: Scene, measured: plant_data.Measured) -> dict[str, Es
     if measured.deflections:
         found |= _bent(measured.deflections)
     if not 0 < found["stiffness"].value < np.inf:
-        raise SceneError(
-            ["drive.stiffness: the readings have no positive slope; read force and deflection at two loads"]
-        )
+        words = "the readings have no positive slope; read force and deflection at two loads"
+        raise SceneError([f"drive.stiffness: {words}"])
     return found
 
 
@@ -470,18 +455,15 @@ def slope_digest(scene: Scene, found: Estimate) -> str:
     """Describe a fit of the Heckel slope at the moisture of a scene in text, with the lines for it."""
     lines = [f"Heckel slope {found.value * 1e6:.3g} per MPa by {found.freedom + 1} readings of confined compression"]
     if found.value <= constraints.STATIC_SLOPES[2]:
-        lines.append(
-            "a slope as of unkneaded mix, for process.kneading; a pass over kneaded mix has about three times it"
-        )
-    return with_scene_lines(
-        lines,
-        {
-            "mix.overrides.heckel_slope": f"{found.value:.4g}  # 1/Pa; {found.origin}",
-            "mix.fitted_at.moisture": f"{scene.mix.moisture:g}",
-            "mix.fitted_at.density_ratio": f"{scene.mix.density_ratio:g}",
-            "mix.fitted_at.parameters": '["heckel_slope"]',
-        },
-    )
+        words = "a slope as of unkneaded mix, for process.kneading"
+        lines.append(f"{words}; a pass over kneaded mix has about three times it")
+    values = {
+        "mix.overrides.heckel_slope": f"{found.value:.4g}  # 1/Pa; {found.origin}",
+        "mix.fitted_at.moisture": f"{scene.mix.moisture:g}",
+        "mix.fitted_at.density_ratio": f"{scene.mix.density_ratio:g}",
+        "mix.fitted_at.parameters": '["heckel_slope"]',
+    }
+    return with_scene_lines(lines, values)
 
 
 def value_lines(scene: Scene, values: Sequence[plant_data.KeyValue]) -> str:
@@ -498,19 +480,17 @@ def kneading_digest(found: KneadingFit) -> str:
     lines = [f"static Heckel slope {slope * 1e6:.3g} per MPa {name}".rstrip() for name, slope in slopes.items()]
     lines.append(f"gain {gain:.3g} at the first gyration, exponent {exponent:.3g}; rms of the density {found.rms:.2g}")
     mean = float(np.exp(np.mean(np.log([*slopes.values()]))))
-    return with_scene_lines(
-        lines,
-        {
-            "mix.overrides.heckel_slope": f"{mean:.4g}  # 1/Pa; static, measured",
-            "process.kneading": f"[{gain:.4g}, {exponent:.4g}]  # measured",
-        },
-    )
+    values = {
+        "mix.overrides.heckel_slope": f"{mean:.4g}  # 1/Pa; static, measured",
+        "process.kneading": f"[{gain:.4g}, {exponent:.4g}]  # measured",
+    }
+    return with_scene_lines(lines, values)
 
 
 def calibration_digest(calibration: Calibration) -> str:
     """Describe a calibration in text: data, parameters, sensitivity, bounds."""
-    fit, coarse, width = calibration.fit, calibration.coarse, 12 * len(calibration.unknowns)
-    title = f"change of {' and '.join(calibration.unknowns)} by 1 % more"
+    fit, coarse, unknowns = calibration.fit, calibration.coarse, calibration.model.unknowns
+    width, title = 12 * len(unknowns), f"change of {' and '.join(unknowns)} by 1 % more"
     lines = [f"{'measured':<26}{'value':>12}{'misfit':>10}{title:>{max(width, len(title) + 2)}}"]
     for each in calibration_summary(calibration)["data"]:
         moves = "".join(f"{change:>+10.3f} %" for change in each["sensitivity"])
@@ -538,7 +518,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
         "scene_changes": calibration.scene_changes,
         "heckel_slope": calibration.heckel_slope,
         "fed_density_ratio": calibration.fed_density_ratio,
-        "fitted": calibration.unknowns,
+        "fitted": calibration.model.unknowns,
         "data": [
             {"name": name, "value": band.value, "misfit": off, "sensitivity": moves}
             for (name, band), off, moves in data

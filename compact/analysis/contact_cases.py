@@ -107,11 +107,6 @@ class HeldQuantity:
     value: float
     speed: float
 
-    @property
-    def target(self) -> dict[str, float]:
-        """The value as a keyword of `Roller`."""
-        return {TARGETS[self.name]: self.value}
-
 
 def contact_speeds(scene: Scene) -> tuple[float, ...]:
     """Return the speeds of the contacts of a scene [m/s], ascending."""
@@ -130,40 +125,6 @@ def nearest_speed(speeds: Iterable[float], speed: float) -> int:
     return first_of([abs(math.log(each / speed)) for each in speeds], floor=1.0)
 
 
-def contact_inputs(
-    scene: Scene, mix: Mix, engine: str, speed: float, held: HeldQuantity | None = None
-) -> tuple[Layer, Roller, Elastic | Viscoelastic | Compaction]:
-    """Convert a scene to the arguments of an engine, with the replacements of `constraints.adapt`.
-
-    Parameters
-    ----------
-    engine : str
-        Name of the engine; "formula" has the relaxed modulus.
-    speed : float
-        Speed of the roller [m/s].
-    """
-    require_finite(speed=speed)
-    scene, _ = adapt(scene, engine)
-    law, target = ENGINES[engine].pick(LAWS), scene.target
-    if "load" in target:
-        target["load"] /= scene.machine.roller_length
-    material = law(scene, mix)
-    if isinstance(material, Compaction):
-        layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
-    else:
-        target = target or {"peak_pressure": mix.required_pressure}
-        plies = (Ply(thickness=ply.thickness, stiffness=ply.relative_modulus) for ply in scene.layer.plies or ())
-        layer = Layer(scene.lift_thickness, base=scene.layer.base, plies=tuple(plies))
-    roller = Roller(
-        scene.machine.roller_radius,
-        friction=mix.steel_friction,
-        rolling=scene.machine.roller_condition,
-        profile=scene.machine.gap_geometry,
-        **(held.target if held else target),
-    )
-    return layer, roller, material
-
-
 def case_of(
     scene: Scene,
     mix: Mix,
@@ -172,25 +133,42 @@ def case_of(
     held: HeldQuantity | None = None,
     progress: Progress | None = None,
 ) -> Case:
-    """Return the case of a scene for an engine of single contacts.
+    """Return the case of a scene for an engine of single contacts, with the replacements of `constraints.adapt`.
 
     Parameters
     ----------
     speed : float
         Speed of the roller [m/s].
     engine : str, optional
-        Name of the engine; that of the scene by default.
+        Name of the engine, that of the scene by default; "formula" has the relaxed modulus.
     """
+    require_finite(speed=speed)
     used, machine = ENGINES[engine or scene.accuracy.engine], scene.machine
-    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    dense = held is None and isinstance(material, Compaction) and not scene.target
+    adapted, _ = adapt(scene, used.name)
+    material, target, exit_density_ratio = used.pick(LAWS)(adapted, mix), adapted.target, None
+    if "load" in target:
+        target["load"] /= machine.roller_length
+    if isinstance(material, Compaction):
+        exit_density_ratio = None if held or target else scene.mix.density_ratio
+        layer, target = _layer_before_pass(adapted, material, target, held.speed if held else speed)
+    else:
+        target = target or {"peak_pressure": mix.required_pressure}
+        plies = (Ply(thickness=ply.thickness, stiffness=ply.relative_modulus) for ply in adapted.layer.plies or ())
+        layer = Layer(adapted.lift_thickness, base=adapted.layer.base, plies=tuple(plies))
+    roller = Roller(
+        machine.roller_radius,
+        friction=mix.steel_friction,
+        rolling=adapted.machine.roller_condition,
+        profile=adapted.machine.gap_geometry,
+        **({TARGETS[held.name]: held.value} if held else target),
+    )
     return Case(
         layer=layer,
         roller=roller,
         material=material,
         speed=speed,
         tolerance=scene.accuracy.tolerance,
-        exit_density_ratio=scene.mix.density_ratio if dense else None,
+        exit_density_ratio=exit_density_ratio,
         torque=None if machine.roller_torque is None else machine.roller_torque / machine.roller_length,
         factors={
             "rolling_friction": machine.roller_friction + machine.bearing_friction,

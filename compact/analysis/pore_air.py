@@ -145,10 +145,6 @@ class AirCurve:
         ends = slice(above[0] - 1, above[0] + 1)
         return float(permeability * np.exp(np.interp(share, shares[ends], np.log(ratios[ends]))))
 
-    def shares(self, forces: AirForces) -> tuple[float, float]:
-        """Return changes of load and resistance over those of the skeleton [-]."""
-        return forces.load / self.skeleton_load, forces.resistance / self.skeleton_resistance
-
     @property
     def undrained(self) -> AirForces:
         """Forces where no air escapes, at the deformation without air."""
@@ -272,14 +268,12 @@ def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
     ends = permeability.value, permeability.low, permeability.high
     found = curve.at(mean_speed, permeability.value)
     value, low, high = (curve.deaeration_speed(each) for each in ends)
-    return AirAnswer(
-        permeability,
-        (value, low, high),
-        found,
-        curve.shares(found),
-        curve.shares(curve.undrained),
-        float(mix.cohesion / np.tan(np.radians(mix.friction_angle))),
+    shares, undrained = (
+        (each.load / curve.skeleton_load, each.resistance / curve.skeleton_resistance)
+        for each in (found, curve.undrained)
     )
+    strength = float(mix.cohesion / np.tan(np.radians(mix.friction_angle)))
+    return AirAnswer(permeability, (value, low, high), found, shares, undrained, strength)
 
 
 def has_air(scene: Scene) -> bool:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.analysis import contact_cases, material_tests, pore_air, process, study
-from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.sizing import decision
 from compact.analysis.stages.contacts import ContactStage, contact_stage
-from compact.analysis.stages.drives import Stages, build_stages
+from compact.analysis.stages.drives import Place, Stages, build_stages, places
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.api.fields import Fields
 from compact.drive import rank
@@ -368,13 +367,13 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     if pore_air.has_air(scene):
         raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
     scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
-    layer, roller, _ = contact_cases.contact_inputs(scene, contact_cases.scene_mix(scene), "column", speed)
-    options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
+    case = contact_cases.case_of(scene, contact_cases.scene_mix(scene), speed)
+    options, layer = {"rtol": scene.accuracy.tolerance / 10}, case.layer
     if not scene.target:
         ratio = scene.mix.density_ratio
         layer = replace(layer, height=scene.lift_thickness * ratio / material.fed_density_ratio)  # of the same grains
         options["exit_density_ratio"] = ratio
-    return roll(layer, roller, material, speed, **options)
+    return roll(layer, case.roller, material, speed, **options)
 
 
 def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.calibration import calibrate, calibrate_drive, fit_slope, slope_digest
-from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
+from compact.analysis.contact_cases import case_of, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.compaction import engine as finite_elements
 from compact.machine.drives import DAMPING, EDGE, STIFFNESS
@@ -148,10 +148,9 @@ def test_published_point_by_finite_elements():
 def pressed(scene, depth, increments=4, **options):
     """A contact of a scene by finite elements, from rest."""
     speed = scene.mean_speed
-    layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
-    return finite_elements.roll(
-        layer, replace(roller, indentation=depth), material, speed, increments=increments, **options
-    )
+    case = case_of(scene, scene_mix(scene), speed, "compaction")
+    roller = replace(case.roller, indentation=depth)
+    return finite_elements.roll(case.layer, roller, case.material, speed, increments=increments, **options)
 
 
 # measurements

@@ -193,13 +193,10 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     depths = np.array([contact["indentation"]["value"] for contact in summary["contacts"]])
     assert depths == pytest.approx(depth, rel=1e-9)
 
-    speed, name = 0.63 * case.stages.resistance.largest_speed, case.stages.contacts.engine.name
-    layer, roller, material = contact_cases.contact_inputs(
-        case.scene, case.stages.contacts.mix, name, case.scene.mean_speed
-    )
-    roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-    tolerance = case.scene.accuracy.tolerance
-    own = Case(layer=layer, roller=roller, material=material, speed=speed, tolerance=tolerance)
+    speed, tolerance = 0.63 * case.stages.resistance.largest_speed, case.scene.accuracy.tolerance
+    found = contact_cases.case_of(case.scene, case.stages.contacts.mix, case.scene.mean_speed)
+    roller = replace(found.roller, indentation=depth, load=None, peak_pressure=None)
+    own = Case(layer=found.layer, roller=roller, material=found.material, speed=speed, tolerance=tolerance)
     rolled = case.stages.contacts.engine.contact(own)
     length = case.scene.machine.rollers * case.scene.machine.roller_length
     tolerance = 2 * case.scene.accuracy.tolerance
@@ -211,7 +208,7 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
         assert case.stages.resistance.resistance.added_masses[-1] == pytest.approx(
             length * expected.added_mass, rel=tolerance
         )
-    if name == "compaction":
+    if case.stages.contacts.engine.name == "compaction":
         assert len(case.stages.resistance.map.contacts) == 2
 
 
@@ -477,6 +474,6 @@ def test_every_law_of_compaction_has_the_saturation_limit_of_the_scene(law, engi
     scene = load_scene(SMALL, **{"mix.law": law, "accuracy.engine": engine})
     limits = []
     for changed in (scene, scene.replaced(**{"mix.overrides.saturation_limit": 0.995})):
-        _, _, material = contact_cases.contact_inputs(changed, contact_cases.scene_mix(changed), engine, 0.1)
-        limits.append(material.saturation_limit)
+        case = contact_cases.case_of(changed, contact_cases.scene_mix(changed), 0.1, engine)
+        limits.append(case.material.saturation_limit)
     assert limits == [0.998, 0.995]

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from compact import fem
 from compact.analysis import contact_cases
-from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.contact_cases import case_of
 from compact.analysis.study import Study
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
@@ -180,10 +180,8 @@ def by_fem():
     """Study of a heavy cart whose contacts are the samples of its resistance map."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene("loveikin-2015", **changes, **{"machine.mass": 4e3, "machine.weight": 39240.0}))
-    rolled = [
-        fem.roll(*contact_inputs(study.scene, study.stages.contacts.mix, "fem", speed), speed, estimate=False)
-        for speed in SPEEDS
-    ]
+    cases = [case_of(study.scene, study.stages.contacts.mix, speed) for speed in SPEEDS]
+    rolled = [fem.roll(each.layer, each.roller, each.material, each.speed, estimate=False) for each in cases]
     study.stages.contacts.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
@@ -201,7 +199,8 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     motors, scene = by_fem.stages.drive.roller_motors["septic"], by_fem.scene
     (velocity,), result = motors.traction_over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
-    layer, roller, material = contact_inputs(scene, by_fem.stages.contacts.mix, "fem", speed)
+    case = case_of(scene, by_fem.stages.contacts.mix, speed)
+    layer, roller, material = case.layer, case.roller, case.material
     own = fem.roll(layer, roller, material, speed, estimate=False)
     held = Roller(
         R,

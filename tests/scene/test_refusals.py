@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 import refusals
 
-from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.contact_cases import case_of
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.engines import BUILT_IN, formula
@@ -46,7 +46,8 @@ def taken(engine, key, value, friction):
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene("small", **{"mix.overrides.steel_friction": friction}))
-    layer, _, material = contact_inputs(study.scene, study.stages.contacts.mix, engine, SPEED)
+    case = case_of(study.scene, study.stages.contacts.mix, SPEED, engine)
+    layer, material = case.layer, case.material
     plies = (), (Ply(thickness=layer.height, stiffness=2.0),)
     cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:

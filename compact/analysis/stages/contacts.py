@@ -12,35 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from compact.analysis.contact_cases import (
-    TARGETS,
-    HeldQuantity,
-    Passes,
-    Progress,
-    case_of,
-    contact_inputs,
-    contact_record,
-    contact_speeds,
-    named_errors,
-    nearest_speed,
-    process_detail,
-    roll_passes,
-    scene_mix,
-    solve,
-)
+from compact.analysis import contact_cases as cases
+from compact.analysis import pore_air
+from compact.analysis.contact_cases import HeldQuantity, Passes, Progress
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.multipass import PassEnd
-from compact.analysis.pore_air import (
-    UNDRAINED,
-    AirCurve,
-    add_air_field,
-    air_curve,
-    air_under,
-    coupled_samples,
-    has_air,
-    is_coupled,
-    pore_air_of,
-)
+from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
 from compact.analysis.worker_pool import Job, SerialExecutor
 from compact.engines import ENGINES
@@ -80,18 +57,19 @@ class ContactStage:
         Speeds of the contacts [m/s]; empty for the formulas, which have no speed.
     compacts : bool
         True if the mix compacts irreversibly.
+    submit : callable
+        Starts the second pass, a function and its argument, where it is to run.
     """
 
     def __init__(
         self, scene: Scene, count: Count = no_count, directory: Path | None = None, progress: Progress | None = None
     ) -> None:
-        self.scene, self.mix, self.count, self._directory, self.progress = (
-            scene, scene_mix(scene), count, directory, progress,
-        )  # fmt: skip
+        self.scene, self.count, self._directory, self.progress = scene, count, directory, progress
+        self.mix = cases.scene_mix(scene)
         self.engine = ENGINES[scene.accuracy.engine]
-        self.speeds = contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
+        self.speeds = cases.contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
         self.compacts = self.engine.reads(self.engine.fed_key)
-        self._second_pass: Job | None = None
+        self.submit: Callable[[Callable[[Any], Any], Any], Job] = SerialExecutor().submit
 
     # the formulas
 
@@ -144,16 +122,16 @@ class ContactStage:
 
     def case(self, speed: float) -> Any:
         """Return the case at a speed [m/s], under the quantity that is constant over speed."""
-        return case_of(self.scene, self.mix, speed, None, self.held, self.progress)
+        return cases.case_of(self.scene, self.mix, speed, None, self.held, self.progress)
 
     def first_pass(self, speed: float, initial_guess: Contact | None = None) -> Contact:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
-        return solve(self.engine, self.scene, self.case(speed), initial_guess)
+        return cases.solve(self.engine, self.scene, self.case(speed), initial_guess)
 
     def roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
         """Compute all passes at a speed [m/s] from others as initial guess, to the target of the scene by default."""
         self.count("rolled")
-        return roll_passes(self.scene, self.mix, speed, start, held, progress=self.progress)
+        return cases.roll_passes(self.scene, self.mix, speed, start, held, progress=self.progress)
 
     def over(self, duration: float) -> "ContactStage":
         """Return the stage of another duration of a pass [s]; itself, as the contact depends on the speed alone."""
@@ -177,9 +155,9 @@ class ContactStage:
         scene, mean = self.scene, self.scene.mean_speed
         prescribed = next((name for name in ("load", "peak_pressure") if name in scene.target), "height")
         name = (scene.contact and scene.contact.held) or prescribed
-        target, value = self.engine.target(case_of(scene, self.mix, mean))
-        if target != TARGETS[name]:
-            value = float(getattr(self.reference[0], TARGETS[name]))
+        target, value = self.engine.target(cases.case_of(scene, self.mix, mean))
+        if target != cases.TARGETS[name]:
+            value = float(getattr(self.reference[0], cases.TARGETS[name]))
         return HeldQuantity(name, value, mean)
 
     @cached_property
@@ -199,7 +177,7 @@ class ContactStage:
 
     def record(self, speed: float, passes: Passes) -> Contact:
         """Return the numbers of passes at a speed [m/s], with the pore air at the deformation of the first."""
-        return contact_record(self.engine.name, speed, passes, self.air_forces_of(passes[0], speed))
+        return cases.contact_record(self.engine.name, speed, passes, self.air_forces_of(passes[0], speed))
 
     @property
     def first_passes(self) -> list[tuple[float, Contact]]:
@@ -211,21 +189,21 @@ class ContactStage:
         """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
         if not self.speeds:
             return self.scene.mean_speed, self.first_pass(self.scene.mean_speed)
-        return self.first_passes[nearest_speed(self.speeds, self.scene.mean_speed)]
+        return self.first_passes[cases.nearest_speed(self.speeds, self.scene.mean_speed)]
 
     @cached_property
     def records(self) -> list[Contact]:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        return [contact_record(self.engine.name, *each, self.air_forces(each[0])) for each in self.passes]
+        return [cases.contact_record(self.engine.name, *each, self.air_forces(each[0])) for each in self.passes]
 
     @cached_property
     def mean_record(self) -> Contact:
         """Scalar results at the speed of the scene that is nearest to the mean speed."""
         if not self.records:
             return self.typical[1]
-        return self.records[nearest_speed((each.speed for each in self.records), self.scene.mean_speed)]
+        return self.records[cases.nearest_speed((each.speed for each in self.records), self.scene.mean_speed)]
 
     def at_mean_speed(self, name: str) -> float:
         """Interpolate a number of the contacts over the logarithm of the speed."""
@@ -246,8 +224,8 @@ class ContactStage:
         self.require_fields()
         self.count("fields")
         mesh = self.engine.fields(result)
-        if has_air(self.scene):
-            add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
+        if pore_air.has_air(self.scene):
+            pore_air.add_air_field(mesh, result, pore_air.pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
         return mesh
 
     def require_fields(self) -> None:
@@ -279,7 +257,7 @@ class ContactStage:
         if self.compacts:
             return 0.0, 0.0
         self.count("added mass")
-        with named_errors(self.scene, self.engine.name, speed):
+        with cases.named_errors(self.scene, self.engine.name, speed):
             found = self.engine.expand(self.case(speed))
         return (0.0, 0.0) if found is None else (found.added_mass, found.relaxation_time)
 
@@ -288,26 +266,26 @@ class ContactStage:
 
         Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.
         """
-        mean = self.scene.mean_speed
-        layer, roller, material = contact_inputs(self.scene, self.mix, self.engine.name, mean, self.held)
-        depth = roller.indentation or self.mean_record.indentation
-        rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
-        return lambda speed: cast(Any, material).rate_factor(rate * abs(speed))
+        case = self.case(self.scene.mean_speed)
+        depth = case.roller.indentation or self.mean_record.indentation
+        rate = compaction_rate(1.0, case.roller.radius, case.layer.height, float(depth or 0.0))
+        return lambda speed: case.material.rate_factor(rate * abs(speed))
 
     @property
     def sleeve_drag(self) -> float:
         """Drag of feed sleeves and smoothing plate, a part of the resistance to a cart [N]."""
         return 0.0
 
-    def begin_second_pass(self, submit: Callable[[Callable[[Any], Any], Any], Job]) -> None:
-        """Start the second pass by an executor, where it is not kept and the engine rolls over compacted mix."""
-        if self.kept or not self.engine.rolls_over or self._second_pass is not None:
-            return
+    @cached_property
+    def second_job(self) -> Job | None:
+        """Second pass by `submit`; None where it is kept, or the engine rolls over no compacted mix."""
+        if self.kept or not self.engine.rolls_over:
+            return None
         self.count("second pass")
         first = self.reference[0]
         coarse = self.scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
         numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
-        self._second_pass = submit(partial(roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
+        return self.submit(partial(roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
 
     @cached_property
     def second_pass(self) -> tuple[float, float] | None:
@@ -315,13 +293,10 @@ class ContactStage:
 
         None where the engine rolls over no compacted mix, or does not converge there.
         """
-        if self.kept:
-            return self.kept.second_pass
-        self.begin_second_pass(SerialExecutor().submit)
-        if self._second_pass is None:
-            return None
+        if self.second_job is None:
+            return self.kept.second_pass if self.kept else None
         try:
-            load, resistance = self._second_pass.result()
+            load, resistance = self.second_job.result()
         except RuntimeError as error:
             if self.scene.layer.return_stroke == "compacted":
                 raise
@@ -341,15 +316,15 @@ class ContactStage:
     @property
     def has_air(self) -> bool:
         """True if load and resistance contain the pore air."""
-        return has_air(self.scene)
+        return pore_air.has_air(self.scene)
 
     @property
     def _fed_air(self) -> PoreAir | None:
         """Pore air of the fed mix; None of drained mix that is occluded as fed."""
         try:
-            return pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+            return pore_air.pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
         except ValueError:
-            if has_air(self.scene):
+            if pore_air.has_air(self.scene):
                 raise
             return None
 
@@ -365,23 +340,26 @@ class ContactStage:
         if not self.compacts or self.kept:
             return self.kept.air_curve if self.kept else None
         speed, contact = self.typical
-        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
         if (air := self._fed_air) is None:
             return None
-        curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
-        if is_coupled(self.scene):
-            curve = replace(curve, coupled=tuple(coupled_samples(contact, air, curve, self.speeds, self.count)))
+        case = self.case(speed)
+        under = pore_air.air_under(contact, case.layer, case.roller, air)
+        curve = pore_air.air_curve(under, air.permeability, contact)
+        if pore_air.is_coupled(self.scene):
+            curve = replace(
+                curve, coupled=tuple(pore_air.coupled_samples(contact, air, curve, self.speeds, self.count))
+            )
         return curve
 
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
-        if not has_air(self.scene) or self.air_curve is None:
+        if not pore_air.has_air(self.scene) or self.air_curve is None:
             return None
         return self.air_curve.at(speed, self.mix.air_permeability)
 
     def air_forces_of(self, contact: Contact, speed: float) -> AirForces | None:
         """Compute the changes of a first pass by its pore air; None for a scene without pressure of the air."""
-        return self.air_band_of(contact, speed)[0] if has_air(self.scene) else None
+        return self.air_band_of(contact, speed)[0] if pore_air.has_air(self.scene) else None
 
     def air_band_of(self, contact: Contact, speed: float) -> tuple[AirForces, AirForces] | tuple[None, None]:
         """Compute the changes of a first pass by its pore air at a speed [m/s] and without drainage.
@@ -391,20 +369,15 @@ class ContactStage:
         """
         if not self.engine.reads("mix.pore_air") or (air := self._fed_air) is None:
             return None, None
-        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed)
-        under = air_under(contact, layer, roller, air)
+        case = cases.case_of(self.scene, self.mix, speed)
+        under = pore_air.air_under(contact, case.layer, case.roller, air)
         pressure = under.pressure(speed)
-        return under.forces(pressure), under.forces(under.pressure(UNDRAINED * air.permeability, pressure))
-
-    @property
-    def requires_model_spread(self) -> bool:
-        """True for a scene of a compacting engine with the output "model_spread"."""
-        return self.compacts and "model_spread" in self.scene.output.items
+        return under.forces(pressure), under.forces(under.pressure(pore_air.UNDRAINED * air.permeability, pressure))
 
 
 def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: PassEnd) -> tuple[float, float]:
     """Compute load and resistance of a second pass over the mix behind a first one, at the mean speed [N/m]."""
-    back = roll_passes(scene, mix, scene.mean_speed, count=2, first=first, **numerics)[1]
+    back = cases.roll_passes(scene, mix, scene.mean_speed, count=2, first=first, **numerics)[1]
     return back.load, back.resistance
 
 
@@ -428,7 +401,7 @@ class ProcessStage(ContactStage):
         """Forming process of the scene."""
         from compact.analysis.process import ProcessStudy  # finite elements are imported where strokes are computed
 
-        found = ProcessStudy(self.scene, process_detail(self.scene), self.progress or (lambda _: None))
+        found = ProcessStudy(self.scene, cases.process_detail(self.scene), self.progress or (lambda _: None))
         return replace(found, known=self.kept.lifts) if self.kept else found
 
     def case(self, speed: float) -> Any:
