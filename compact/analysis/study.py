@@ -19,14 +19,12 @@ from typing import Any
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
 from compact.analysis.pore_air import AirAnswer, air_answer
-from compact.analysis.ranking_uncertainty import Places
 from compact.analysis.sizing.balances import BalanceCheck, WorkBalance, balance_checks, work_balance
-from compact.analysis.sizing.decision import Choice, Decision, candidates, choose, decide
+from compact.analysis.sizing.decision import Choice, candidates, choose, decide
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.stages import drives, kept_results, verdict
-from compact.analysis.stages import model_spread as spreads
-from compact.analysis.stages.contacts import Count, contact_stage, no_count
+from compact.analysis.stages.contacts import Count, no_count
 from compact.analysis.stages.laws import CamDrawing
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.worker_pool import Executor, Job, SerialExecutor
@@ -71,6 +69,7 @@ class Study:
         self.executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
         self.stages = drives.build_stages(scene, self.count, directory, progress, shortest=shortest)
+        self.stages.contacts.submit = self.submit
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -99,8 +98,7 @@ class Study:
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
             prior=self.__dict__.get("_prior", found.prior),
-            uncertainty=(known := self.__dict__.get("uncertainty")) or found.uncertainty,
-            uncertainty_key=self._key if known else found.uncertainty_key,
+            uncertainty={self._key: known} if (known := self.__dict__.get("uncertainty")) else found.uncertainty,
         )  # fmt: skip
         yield from kept_results.write_results(directory, found, contacts.key)
 
@@ -140,7 +138,7 @@ class Study:
 
     @cached_property
     def _prior_job(self) -> Job:
-        return self.submit(spreads.prior_forces, spreads.unfitted(self.scene, self.scene.accuracy.engine))
+        return self.submit(verdict.prior_forces, verdict.unfitted(self.scene, self.scene.accuracy.engine))
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -152,8 +150,8 @@ class Study:
         if not (wanted and self.nominal_verdicts):
             return None
         kept = self.stages.contacts.kept
-        if kept and kept.uncertainty and kept.uncertainty_key == self._key:
-            return kept.uncertainty
+        if kept and kept.uncertainty and (known := kept.uncertainty.get(self._key)):
+            return known
         self.count("uncertainty")
         return ranking_uncertainty(self)
 
@@ -175,10 +173,7 @@ class Study:
         """Decided law and alternative; None where no law has finite peaks."""
         return choose(self.models, self.case, self.candidates, self.sizing_peaks, self.uncertainty)
 
-    @cached_property
-    def decision(self) -> Decision | None:
-        """Decided law with the sizes of its machine, and one alternative; None where no law has finite peaks."""
-        return decide(self)
+    decision = cached_property(decide)
 
     @cached_property
     def verdicts(self) -> dict[tuple[float, str, str], verdict.Verdict]:
@@ -263,7 +258,7 @@ class Study:
         return {
             name: self.submit(
                 partial(
-                    verdict.answer_of, self.scene.with_engine(name), laws, prior=spreads.unfitted(self.scene, name)
+                    verdict.answer_of, self.scene.with_engine(name), laws, prior=verdict.unfitted(self.scene, name)
                 ),
                 directory and directory / name,
             )
@@ -272,30 +267,29 @@ class Study:
 
     @cached_property
     def _answers_by_law(self) -> list[Job]:
-        """Jobs of the contacts by the other laws of the mix."""
-        assert self.stages.contacts.held is not None  # of a compacting engine
-        work = partial(spreads.contact_by_law, self.stages.contacts.held, contact_stage)
-        return [self.submit(work, each) for each in spreads.scenes_of_laws(self.scene, self.stages.contacts.mix)]
+        """Jobs of the contacts by the other laws of the mix; none where they are not required, or kept."""
+        contacts = self.stages.contacts
+        kept = contacts.kept and contacts.kept.model_spread
+        if kept or not contacts.compacts or "model_spread" not in self.scene.output.items:
+            return []
+        assert contacts.held is not None  # of a compacting engine
+        work = partial(verdict.contact_by_law, contacts.held)
+        return [self.submit(work, each) for each in verdict.scenes_of_laws(self.scene, contacts.mix)]
 
     def begin_contacts(self) -> None:
         """Start the second pass, and the contacts by the other laws of the mix, where required and not kept."""
-        contacts = self.stages.contacts
-        contacts.begin_second_pass(self.submit)
-        if contacts.requires_model_spread and not (contacts.kept and contacts.kept.model_spread):
-            _ = self._answers_by_law
-        if "report" in self.scene.output.items and not contacts.kept:
+        _ = self.stages.contacts.second_job, self._answers_by_law
+        if "report" in self.scene.output.items and not self.stages.contacts.kept:
             _ = self._prior_job
 
     @cached_property
-    def model_spread(self) -> spreads.ModelSpread | None:
+    def model_spread(self) -> verdict.ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
-        contacts = self.stages.contacts
-        if not contacts.requires_model_spread:
-            return None
-        if contacts.kept and contacts.kept.model_spread:
-            return contacts.kept.model_spread
-        self.count("model spread")
-        return spreads.spread_of([job.result() for job in self._answers_by_law])
+        if self._answers_by_law:
+            self.count("model spread")
+            return verdict.spread_of([job.result() for job in self._answers_by_law])
+        kept = self.stages.contacts.kept
+        return kept.model_spread if kept and "model_spread" in self.scene.output.items else None
 
     @property
     def comparison(self) -> dict[str, verdict.ModelAnswer]:
@@ -319,7 +313,7 @@ class Study:
         return found
 
     @property
-    def places_by_engine(self) -> dict[str, Places]:
+    def places_by_engine(self) -> dict[str, drives.Places]:
         """Places by engine, drive and criterion; engine and drive of the scene first."""
         return {self.scene.accuracy.engine: self.stages.drive.places} | {
             name: each.places[self.scene.motion.duration] for name, each in self.comparison.items()

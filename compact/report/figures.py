@@ -19,8 +19,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing import durations, machine_sizing
+from compact.analysis.stages.drives import Place
 from compact.machine.component_sizing import SizingRule
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, TIME, Quantity

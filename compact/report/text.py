@@ -15,9 +15,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
-from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.decision import measurements
 from compact.analysis.stages import robust_range, uncertainty
+from compact.analysis.stages.drives import Place
 from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from compact import files, quantities
-from compact.analysis import contact_cases, ranking_uncertainty
+from compact.analysis import contact_cases
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages import kept_results, model_spread, uncertainty
+from compact.analysis.stages import drives, kept_results, uncertainty, verdict
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.machine.ranking import CRITERIA, value_of
@@ -276,7 +276,7 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _model_spread(spread: model_spread.ModelSpread) -> dict[str, Any]:
+def _model_spread(spread: verdict.ModelSpread) -> dict[str, Any]:
     """Convert the contacts by the other laws of the mix."""
     own = "load resistance cohesion_loose_Pa saturation_limit"
     bands = {"load": spread.load, "resistance": spread.resistance}
@@ -377,11 +377,11 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
         content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
     heavier = study.stages.drive.heavier_runs  # None where the error of the resistance is unknown
     heavy = heavier and heavier.get(run.name)
-    errors = {by: None if heavier is None else ranking_uncertainty.error(run, heavy, by) for by in CRITERIA}
+    errors = {by: None if heavier is None else drives.error(run, heavy, by) for by in CRITERIA}
     return content | {"errors": errors}
 
 
-def _rankings(orders: Mapping[str, Iterable[ranking_uncertainty.Place]]) -> dict[str, list[dict[str, Any]]]:
+def _rankings(orders: Mapping[str, Iterable[drives.Place]]) -> dict[str, list[dict[str, Any]]]:
     """Convert the places by criterion; `reason` is of infinite values only."""
     names = "rank law value margin error resolved tie"
     return {

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.stages.contacts import contact_stage
-from compact.analysis.stages.model_spread import contact_by_law, scenes_of_laws, spread_of
+from compact.analysis.stages.verdict import contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.study import Study
 from compact.scene.loader import load_scene
 
@@ -22,7 +21,7 @@ def test_ends_of_the_saturation_limit_change_the_resistance_of_a_lift():
     lift = {"layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.93576, "contact.indentation": 0.003}
     study = Study(scene(**{"accuracy.engine": "compaction"} | lift))
     own, *_, low, high = scenes_of_laws(study.scene, study.stages.contacts.mix)
-    rolled = [contact_by_law(study.stages.contacts.held, contact_stage, each) for each in (own, low, high)]
+    rolled = [contact_by_law(study.stages.contacts.held, each) for each in (own, low, high)]
     spread = spread_of(rolled)
     assert [each.saturation_limit for each in spread.variants] == [0.995, 0.999]
     assert spread.variants[1].resistance == pytest.approx(1850 / 1960, abs=0.03)

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from compact.analysis.ranking_uncertainty import places
 from compact.analysis.stages.contacts import ContactStage
+from compact.analysis.stages.drives import places
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.engines.compaction import engine as compaction

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from pages import answer_words
 
-from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.decision import Size, candidates, choose
 from compact.analysis.stages import uncertainty as stage
+from compact.analysis.stages.drives import Place
 from compact.analysis.stages.uncertainty import DRIVE, MIX, SHARES, drive_variants, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, fitted_inputs, verdict
 from compact.analysis.study import Study
@@ -292,7 +292,7 @@ def test_columns_are_valid_up_to_two_contact_lengths():
     assert ENGINE_CLASSES["column"].valid(1.9, "deep") == ""
     assert ENGINE_CLASSES["column"].valid(4.6, "deep") == "no bow wave, layer 4.6 contact lengths high"
     lengths = [contact.leading - contact.trailing for contact in study().stages.contacts.records]
-    assert min(lengths) <= 0.22 / study().models[0].height_ratio <= max(lengths)
+    assert min(lengths) <= study().stages.contacts.at_mean_speed("contact_length") <= max(lengths)
     assert min(lengths) > np.sqrt(2 * 0.11 * 0.0111)  # R and depth; the contact ends behind the lowest point
     assert not study().models[0].valid
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import LogNorm, to_rgb
 
-from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.drives import Place
 from compact.motion.profile import LAWS
 from compact.report import contact_figures, figures
 from compact.report.figures import law_style

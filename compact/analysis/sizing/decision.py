@@ -22,7 +22,7 @@ from compact.analysis.machine_models import catalogue
 from compact.analysis.stages import uncertainty as sources
 from compact.analysis.stages.drives import SAME_TRAVEL, same_motions
 from compact.analysis.stages.uncertainty import AIR, DRIVE, LAW, MESH, MIX, MODELS, RankingUncertainty, air_ratios
-from compact.analysis.stages.verdict import ModelAnswer, sizing_model
+from compact.analysis.stages.verdict import ModelAnswer, sizing_model, valid_models
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
@@ -62,7 +62,7 @@ class Size:
     @property
     def margin(self) -> float | None:
         """Root of the sum of squares of the increases [-]; None where no source was varied."""
-        return math.hypot(*(max(0.0, high) for _, high in self.changes.values())) if self.changes else None
+        return sources.margin_of(self.changes.values()) if self.changes else None
 
     @property
     def low(self) -> float | None:
@@ -159,8 +159,7 @@ def candidates(
         Distinct motions; the named laws first, then those of least regret.
     """
     excess: dict[str, list[float]] = {}
-    valid = [each for each in models if each.valid] or models[:1]
-    tables = [(by, each.values(*case, by)) for by in criteria for each in valid]
+    tables = [(by, each.values(*case, by)) for by in criteria for each in valid_models(models)]
     for by, values in tables:
         for law, value in values.items():
             excess.setdefault(law, []).append(value / CRITERIA[by].scale(min(values.values())) - 1)
@@ -219,7 +218,7 @@ def decide(study: "Study") -> Decision | None:
         chosen = choose_motor(motors, shaft.requirement, replace(sizing.rule, margin=margin)).chosen
         motor = chosen.motor.name if chosen else ""
     regrets: dict[str, dict[str, float]] = {}
-    for each in [each for each in study.models if each.valid] or [model]:
+    for each in valid_models(study.models):
         values = {by: each.values(*study.case, by) for by in study.sizing_peaks}
         regrets[each.engine] = {by: v.get(law, math.inf) / min(v.values()) - 1 for by, v in values.items()}
     source = known.source(DRIVE) if known else None
@@ -259,12 +258,11 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
         now = {"range": {"low": low, "high": high, "unit": unit}, "before": margins, "after": after}
         found.append({"what": what, **table.get(name, table["other"]), **now})
 
-    drive, mix, model = known.source(DRIVE), known.source(MIX), sizing_model(study.models)
+    drive, mix = known.source(DRIVE), known.source(MIX)
     for name in drive.quantities if drive else ():
         after = {by: known.margin(by, law=choice.law, known=name) for by in known.laws}
         tell(name, name, *_ends_of(study.scene, name), after)
-    valid = [each for each in study.models if each.valid] or [model]
-    forces = [each.mean_resistance[study.case[0]] for each in (model, *valid)]
+    forces = [each.mean_resistance[study.case[0]] for each in valid_models(study.models)]
     forces += [forces[0] * ratio for ratio in (known.mix.low, known.mix.high)] if known.mix else []
     after = {by: known.margin(by, FORCE_SOURCES, choice.law) for by in known.laws}
     tell("force on the cart", "force on the cart", forces, "N", after)

@@ -23,20 +23,7 @@ import numpy as np
 from compact.analysis.machine_models import cart, catalogue
 from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.verdict import Governing, ModelAnswer, larger
-from compact.machine.component_sizing import (
-    SECONDS_PER_HOUR,
-    Bearing,
-    BearingLife,
-    LoadCycle,
-    MotorChoice,
-    ShaftRequirement,
-    SizingRule,
-    bearing_life,
-    choose_motor,
-    count_cycles,
-    requirement_of_run,
-    shaft_requirement,
-)
+from compact.machine import component_sizing as sizing
 from compact.machine.drives import angles_of
 from compact.machine.shaft import CartsOnShaft
 
@@ -57,9 +44,9 @@ class LawSizing(NamedTuple):
     """
 
     law: str
-    requirement: ShaftRequirement | None
+    requirement: sizing.ShaftRequirement | None
     required_power: float
-    choice: MotorChoice | None
+    choice: sizing.MotorChoice | None
     engine: str
 
 
@@ -81,7 +68,7 @@ class WheelLoads(NamedTuple):
     name: str
     least: float
     largest: float
-    cycles: tuple[LoadCycle, ...]
+    cycles: tuple[sizing.LoadCycle, ...]
     engine: str
 
 
@@ -109,10 +96,10 @@ class MachineSizing:
     """
 
     first_law: str
-    rule: SizingRule
+    rule: sizing.SizingRule
     laws: dict[str, LawSizing]
     wheels: tuple[WheelLoads, ...]
-    lives: dict[str, BearingLife]
+    lives: dict[str, sizing.BearingLife]
     period: float
     compared: dict[str, Governing] = field(default_factory=dict)
 
@@ -123,7 +110,7 @@ class MachineSizing:
 
     def per_hour(self, count: float) -> float:
         """Convert a number of load cycles in a cycle of the machine to that in an hour [1/h]."""
-        return count * SECONDS_PER_HOUR / self.period
+        return count * sizing.SECONDS_PER_HOUR / self.period
 
 
 def machine_sizing(stages: Stages, law: str | None = None, models: Sequence[ModelAnswer] = ()) -> MachineSizing:
@@ -153,17 +140,19 @@ def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing
         engine, resistance = model.engine, model.resistance
         loaded = cart(scene, model.roller_load, model.return_load_ratio)
         runs = dict(simulate_laws(scene, loaded, stages.drive.cycles, resistance))
-    rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
+    rule = sizing.SizingRule() if table is None else sizing.SizingRule(**table.model_dump(exclude={"file"}))
     run, kind, motors, angles = runs[law], stages.drive.model, catalogue(scene), angles_of(scene)
     laws, lives = {}, {}
     for name, cycle in stages.drive.cycles.items() if kind.has_shaft else ():
         needed = None
         if kind.driven_end:
-            needed = requirement_of_run(runs[name], angles)
+            needed = sizing.requirement_of_run(runs[name], angles)
         elif not any(join.order == 1 for join in cycle.discontinuities()):
-            needed = shaft_requirement(CartsOnShaft(run.cart, cycle, resistance, angles, kind.linkage(scene, cycle)))
+            needed = sizing.shaft_requirement(
+                CartsOnShaft(run.cart, cycle, resistance, angles, kind.linkage(scene, cycle))
+            )
         power = math.inf if needed is None else rule.required_power(needed)
-        choice = choose_motor(motors, needed, rule) if motors and needed else None
+        choice = sizing.choose_motor(motors, needed, rule) if motors and needed else None
         laws[name] = LawSizing(name, needed, power, choice, engine)
     forces, velocity, reactions = run.state.forces, run.state.velocity, run.cart.roller_reactions
     direction = np.where(velocity < 0, run.cart.return_load_ratio, 1.0)
@@ -174,7 +163,8 @@ def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing
         "roller, along the travel": run.state.resistance / len(reactions),
     }
     wheels = [
-        WheelLoads(name, float(f.min()), float(f.max()), tuple(count_cycles(f)), engine) for name, f in loads.items()
+        WheelLoads(name, float(f.min()), float(f.max()), tuple(sizing.count_cycles(f)), engine)
+        for name, f in loads.items()
     ]
     radial = {name: loads[name] for name in ("front guide wheel", "rear guide wheel")}
     radial["roller"] = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
@@ -184,7 +174,9 @@ def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing
             bearing, radius = machine.roller_bearing, machine.roller_radius
         if bearing is not None:
             travelled = run.weights * np.abs(velocity)
-            lives[name] = bearing_life(Bearing(**bearing.model_dump()), load, travelled, radius, run.period)
+            lives[name] = sizing.bearing_life(
+                sizing.Bearing(**bearing.model_dump()), load, travelled, radius, run.period
+            )
     return MachineSizing(law, rule, laws, tuple(wheels), lives, float(run.period))
 
 

@@ -1,36 +1,29 @@
-"""Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft.
+"""Drive stage of a study: every law under the drive of the scene, their ranking with its error, roller motors, crank.
 
 `Stages` are all stages of a scene, up to this one; each uses those before it only.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from compact import drive
 from compact.analysis.contact_cases import Progress, case_of
-from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
 from compact.analysis.stages.laws import LawStage
 from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
+from compact.machine import roller_motors as motors
 from compact.machine.cart import Cart
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.drives import DRIVES, Table, angles_of, crank_of
-from compact.machine.ranking import Ranked
+from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked, is_tie, value_of
 from compact.machine.rigid_drive import InverseDynamics
-from compact.machine.roller_motors import (
-    FULL_SLIP_SHARE,
-    CreepFreeRoller,
-    DrivenRoller,
-    RollerMotor,
-    carter_parameter,
-    pull_range,
-)
 from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics import Array
 from compact.rolling_contact import Contact
@@ -46,6 +39,41 @@ SAME_TRAVEL = 1e-9  # [-], of the stroke; closer motions are the same but for ro
 Row = tuple[float, float, float, float]  # torque [N m], pull [N], creepage [-], load [N]
 Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
 KnownLaws = tuple[Mapping[str, Cycle], Mapping[str, Cycle]]  # prescribed laws, and all laws
+
+
+class Place(NamedTuple):
+    """Place of a law in a ranking by one criterion.
+
+    Parameters
+    ----------
+    rank : int
+        From 1; values that are equal but for rounding share a rank, infinite values share the last.
+    margin : float
+        Relative distance to the next worse value, over `Criterion.scale` [-].
+    error : float or None
+        Error of the value, in its unit; None without error estimate of the resistance.
+    resolved : bool or None
+        True if the rank is resolved: no law behind it is better if each value changes by its error. None if the errors
+        are unknown. Infinite values are not resolved, nor laws of different rank within the build tolerance.
+    reason : str
+        Reason why the value is infinite; empty if it is finite.
+    """
+
+    rank: int
+    law: str
+    value: float
+    margin: float
+    error: float | None
+    resolved: bool | None
+    reason: str
+
+    @property
+    def tie(self) -> bool:
+        """True if the next worse value is within the build tolerance."""
+        return is_tie(self.margin)
+
+
+Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
 
 class DriveStage:
@@ -140,15 +168,15 @@ class DriveStage:
         return [each.run for each in next(iter(self.rankings.values()))]
 
     @cached_property
-    def roller_motors(self) -> dict[str, RollerMotor]:
+    def roller_motors(self) -> dict[str, motors.RollerMotor]:
         """Motors in the rollers by name of the law: the same cart without any other drive."""
         rollers, cart, resistance = self.scene.machine.rollers, self.resistance.cart, self.resistance.resistance
         required = {
             name: InverseDynamics(cart, drive.Rigid(), cycle, resistance) for name, cycle in self.cycles.items()
         }
-        least, largest = np.transpose([pull_range(each, rollers) for each in required.values()])
+        least, largest = np.transpose([motors.pull_range(each, rollers) for each in required.values()])
         response = torque_response(self.contacts, (float(least.min()), float(largest.max())))
-        return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
+        return {name: motors.RollerMotor(each, response, rollers) for name, each in required.items()}
 
     @cached_property
     def turns(self) -> dict[str, CrankshaftRevolution]:
@@ -161,6 +189,62 @@ class DriveStage:
             self.count("crank")
             turns[key] = simulate_crankshaft(cart, crank, speed, resistance, ahead)
         return turns
+
+
+def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None) -> list[Place]:
+    """Add error and resolution to the ranking of laws by a criterion.
+
+        error = |value under the resistance plus its error - value|
+
+    Parameters
+    ----------
+    heavier : mapping or None
+        Run of each law under the resistance plus its error; a law without such a run has an infinite error. None
+        without error estimate.
+    """
+    tied = ties(ranked, by)
+    errors = [None if heavier is None else error(place.run, heavier.get(place.run.name), by) for place in ranked]
+    placed = []
+    for place, own, ambiguous in zip(ranked, errors, tied, strict=True):
+        behind = [
+            other.value - change
+            for other, change in zip(ranked, errors, strict=True)
+            if change is not None and other.rank > place.rank
+        ]
+        resolved = None if own is None else place.value + own <= min(behind, default=math.inf)
+        resolved = False if ambiguous or place.reason else resolved
+        placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, resolved, place.reason))
+    return placed
+
+
+def ties(order: Sequence[Place | Ranked], by: str) -> list[bool]:
+    """Find the places that have another place, of another rank, within the build tolerance."""
+    values, ranks = ([getattr(place, name) for place in order] for name in ("value", "rank"))
+    size, finite = np.abs(values), np.isfinite(values)
+    scale = np.maximum(np.minimum.outer(size, size), CRITERIA[by].floor)
+    with np.errstate(invalid="ignore"):  # of infinite values, which are not compared
+        apart = np.abs(np.subtract.outer(values, values)) >= BUILD_TOLERANCE * scale
+    tied = np.asarray(~apart & finite & finite[:, None] & np.not_equal.outer(ranks, ranks))
+    return [bool(row.any()) for row in tied]
+
+
+def error(run: Any, heavier: Any, by: str) -> float:
+    """Compute the change of a criterion under a greater resistance.
+
+    Parameters
+    ----------
+    run, heavier : Run
+        Runs of one law under both resistances; `heavier` may be None.
+
+    Returns
+    -------
+    float
+        In the unit of the criterion; infinite without `heavier`.
+    """
+    if heavier is None:
+        return math.inf
+    value, heavier_value = value_of(run, by), value_of(heavier, by)
+    return 0.0 if value == heavier_value else abs(heavier_value - value)
 
 
 def simulate_laws(
@@ -221,7 +305,7 @@ def same_motions(cycles: Mapping[str, Cycle]) -> dict[str, str]:
     return found
 
 
-def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> DrivenRoller | CreepFreeRoller:
+def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> motors.DrivenRoller | motors.CreepFreeRoller:
     """Sample the response of one roller to its motor: pull, creepage and load.
 
     At each speed the roller keeps the height of the contact of the scene while its motor drives or brakes, in equal
@@ -235,14 +319,14 @@ def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> Drive
 
     Returns
     -------
-    DrivenRoller or CreepFreeRoller
+    motors.DrivenRoller or motors.CreepFreeRoller
         `CreepFreeRoller`, without creepage, if the engine has no torque, the roller no friction, or the engine does not
         converge, the latter with a warning; also on compacting mix unless the scene has the output "roller_motors",
         because each driven contact takes seconds to minutes.
     """
     scene, records, friction = contacts.scene, contacts.records, contacts.mix.steel_friction
     radius = scene.machine.roller_radius
-    without_creep = CreepFreeRoller(radius, contacts.roller_load, friction)
+    without_creep = motors.CreepFreeRoller(radius, contacts.roller_load, friction)
     expensive = contacts.compacts and "roller_motors" not in scene.output.items
     if not contacts.engine.reads("machine.roller_torque") or friction == 0 or expensive:
         return without_creep
@@ -257,12 +341,12 @@ def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> Drive
         warnings.warn(f"creep of the driven rollers is left out: {error}", stacklevel=2)
         return without_creep
     speeds = np.array([record.speed for record in records])
-    return DrivenRoller(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
+    return motors.DrivenRoller(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
 
 
 def _friction_shares(share: float) -> Array:
     """Return shares of friction up to a share, limited to FULL_SLIP_SHARE, in equal steps of `carter_parameter`."""
-    end = carter_parameter(np.clip(share, -FULL_SLIP_SHARE, FULL_SLIP_SHARE))
+    end = motors.carter_parameter(np.clip(share, -motors.FULL_SLIP_SHARE, motors.FULL_SLIP_SHARE))
     w = np.linspace(0, end, int(np.ceil(abs(end) / STEP)) + 1)[1:]
     return np.sign(w) * (1 - (1 - np.abs(w)) ** 2)
 

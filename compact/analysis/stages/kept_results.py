@@ -7,7 +7,7 @@ The uncertainty of the ranking depends on all of the scene, and has a key of its
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,6 @@ from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import HeldQuantity
 from compact.analysis.pore_air import AirCurve
-from compact.analysis.stages.model_spread import ModelSpread
 from compact.engines import ENGINES
 from compact.files import checksum, read_checked, results_key, write_checked
 from compact.material.mix import Mix
@@ -29,6 +28,7 @@ from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
     from compact.analysis.stages.uncertainty import RankingUncertainty
+    from compact.analysis.stages.verdict import ModelSpread
     from compact.engines.process.lifts import KnownLifts
 
 MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
@@ -44,11 +44,10 @@ RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "held": lambda: HeldQuantity,
     "second_pass": lambda: tuple[float, float],
     "air_curve": lambda: AirCurve,
-    "model_spread": lambda: ModelSpread,
+    "model_spread": lambda: import_module("compact.analysis.stages.verdict").ModelSpread,
     "prior": lambda: tuple[float, float],
     "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
-    "uncertainty": lambda: import_module("compact.analysis.stages.uncertainty").RankingUncertainty,
-    "uncertainty_key": lambda: str,
+    "uncertainty": lambda: dict[str, import_module("compact.analysis.stages.uncertainty").RankingUncertainty],
 }
 _LOG = logging.getLogger(__name__)
 
@@ -69,8 +68,8 @@ class KeptResults:
         Lumped lifts of a forming process in two dimensions.
     prior : tuple of float or None
         Load on a roller and resistance of a cart with nothing fitted [N].
-    uncertainty, uncertainty_key : RankingUncertainty or None, and str
-        Uncertainty of the ranking, and the key of the whole scene to which it belongs.
+    uncertainty : dict of str to RankingUncertainty
+        Uncertainty of the ranking by the key of the whole scene to which it belongs; empty without it.
     """
 
     contacts: list[Contact]
@@ -78,12 +77,11 @@ class KeptResults:
     second_pass: tuple[float, float] | None
     resistance_map: ResistanceMap
     air_curve: AirCurve | None = None
-    model_spread: ModelSpread | None = None
+    model_spread: "ModelSpread | None" = None
     lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
     prior: tuple[float, float] | None = None
-    uncertainty: "RankingUncertainty | None" = None
-    uncertainty_key: str = ""
+    uncertainty: "dict[str, RankingUncertainty]" = field(default_factory=dict)
 
 
 def contacts_key(scene: Scene, mix: Mix) -> str:

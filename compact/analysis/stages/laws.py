@@ -64,7 +64,7 @@ class LawStage:
         self.scene, self.count, self._added = scene, count, tuple(added)
         self._left_out: dict[str, str] = {}
         self.robust: dict[str, RobustLaw] = {}
-        self._spread: dict[tuple[str, float, float], MotionResistance] = {}
+        self._spread: dict[float, list[MotionResistance]] = {}  # by the largest speed
         duration = scene.motion.duration
         self._speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
@@ -157,16 +157,13 @@ class LawStage:
     @property
     def motion_resistances(self) -> tuple[MotionResistance, ...]:
         """Resistance to the motion, first as computed, then at both ends of each spread of [motion.optimise]."""
-        found, speed = [self.resistance.motion_resistance], self.resistance.largest_speed
-        for name in self._table.spread:
-            parameter = self.resistance.mix.parameter(name)
-            for value in (parameter.low, parameter.high):
-                if (name, value, speed) not in self._spread:
-                    scene = self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value})
-                    other = ResistanceStage(contact_stage(scene), lambda: speed)
-                    self._spread[name, value, speed] = other.motion_resistance
-                found.append(self._spread[name, value, speed])
-        return tuple(found)
+        mix, speed = self.resistance.mix, self.resistance.largest_speed
+        if speed not in self._spread:
+            ends = [(name, getattr(mix.parameter(name), end)) for name in self._table.spread for end in ("low", "high")]
+            changed = ({"motion.optimise": None, f"mix.overrides.{name}": value} for name, value in ends)
+            others = (ResistanceStage(contact_stage(self.scene.replaced(**keys)), lambda: speed) for keys in changed)
+            self._spread[speed] = [each.motion_resistance for each in others]
+        return (self.resistance.motion_resistance, *self._spread[speed])
 
     def _robust_law(self, objective: str) -> MotionProfile:
         """Return the law with the least worst peak over the drives and resistances of the scene."""

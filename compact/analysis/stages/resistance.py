@@ -149,11 +149,10 @@ class ResistanceStage:
 
     def over(self, duration: float) -> "ResistanceStage":
         """Return the stage of another duration of a pass [s]; itself unless the forces depend on the duration."""
-        over = self.contacts.over(duration)
-        if over is self.contacts:
-            return self
         if duration not in self._over:
-            self._over[duration] = ResistanceStage(over, lambda: self.largest_speed, self._given)
+            over = self.contacts.over(duration)
+            other = ResistanceStage(over, lambda: self.largest_speed, self._given)
+            self._over[duration] = self if over is self.contacts else other
         return self._over[duration]
 
     @cached_property

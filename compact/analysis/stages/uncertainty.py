@@ -20,7 +20,7 @@ Saltelli A. et al. (2010): Variance based sensitivity analysis of model output. 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -199,9 +199,13 @@ class RankingUncertainty:
         known : str, optional
             Quantity of drive and cart that does not vary.
         """
-        law = law or self.laws[by]
-        counted = [each for each in self.sources if each.name not in leave_out]
-        return math.sqrt(sum(max(0.0, each.changes(law, by, known)[1]) ** 2 for each in counted))
+        law, counted = law or self.laws[by], [each for each in self.sources if each.name not in leave_out]
+        return margin_of(each.changes(law, by, known) for each in counted)
+
+
+def margin_of(changes: Iterable[tuple[float, float]]) -> float:
+    """Return the root of the sum of squares of the increases, of least and largest relative changes by source [-]."""
+    return math.hypot(*(max(0.0, high) for _, high in changes))
 
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
@@ -375,7 +379,7 @@ def mix_spread(
         columns = scene.with_engine("column") if process is None else scene
     except ValueError:
         return None
-    ranges, (fed_key, _) = parameter_ranges(columns, scene), _fed(columns)
+    ranges, fed_key = parameter_ranges(columns, scene), ENGINES[columns.accuracy.engine].fed_key
     keys = {name: fed_key if name == FED else f"mix.overrides.{name}" for name in ranges}
     low, high = np.array([*ranges.values()]).T
     sampled = qmc.Sobol(len(ranges), rng=SEED).random(SAMPLES)
@@ -431,15 +435,9 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
         low, high = known.spread_about(value, GIVEN_SPREAD if measured else None)
         if low < high:
             ranges[name] = (low, high)
-    before = _fed(scene)[1]
+    before = attrgetter(ENGINES[scene.accuracy.engine].fed_key)(scene)
     step = DENSITY_STEP * (scene.mix.density_ratio - before)
     return ranges | {FED: (before - step, before + step)}
-
-
-def _fed(scene: Scene) -> tuple[str, float]:
-    """Return key and value of the initial density ratio: of the feed of a process, or of the layer before a pass."""
-    key = ENGINES[scene.accuracy.engine].fed_key
-    return key, attrgetter(key)(scene)
 
 
 def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> dict[str, float]:
