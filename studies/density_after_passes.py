@@ -17,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.contact_cases import compaction_material, scene_mix
-from compact.analysis.multipass import Pass, density, passes, there_and_back
+from compact.analysis.contact_cases import Pass, compaction_material, density, passes, scene_mix, there_and_back
 from compact.engines.column.engine import required_feed
 from compact.report.progress import tracked
 from compact.rolling_contact import Layer, Roller

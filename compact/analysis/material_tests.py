@@ -39,7 +39,7 @@ OWN_FIRST, LARGEST = 1e-6, 1e-2  # [-], first increment of own materials and lar
 VOLUME_LIMIT = 0.999  # [-], density ratio at which own materials end without reaching a pressure
 MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
 STIFFNESS_SHARE = 1e-4  # [-], least tangent of the lateral strain over that at rest
-LATERAL, AXIAL, PLANE = 0, 1, [0, 1, 3]  # components of x and y, and those of plane strain
+LATERAL, AXIAL, TRANSVERSE, PLANE = 0, 1, 2, [0, 1, 3]  # components of x, y and z, and those of plane strain
 CONFINED, EQUAL = np.array([0.0, -1.0, 0.0, 0.0]), np.array([-1.0, -1.0, -1.0, 0.0])  # directions of strain
 
 
@@ -257,7 +257,7 @@ class StrainPath:
     def _row(self, axial: float, volume: float) -> tuple[float, ...]:
         """Return axial and volume strain since the begin, stresses and density ratio."""
         ratio = self.state.density_ratio[0] if self.of_mix else self.law.fed_density_ratio * np.exp(self.volume)
-        return axial, volume, *(-self.stress[:3]), float(ratio)
+        return axial, volume, *(-self.stress[[AXIAL, LATERAL, TRANSVERSE]]), float(ratio)
 
     def advance(self, strain: Array) -> None:
         """Apply a strain increment."""
@@ -349,5 +349,4 @@ class StrainPath:
 
     def test(self, name: str) -> MaterialTest:
         """Return the test with this path."""
-        axial, volume, side, along, across, ratio = np.array(self.rows).T
-        return MaterialTest(name, self.specimen, self.confining, axial, volume, along, side, across, ratio)
+        return MaterialTest(name, self.specimen, self.confining, *np.array(self.rows).T)

@@ -24,7 +24,8 @@ the thickness that the sleeves offer: the scene keeps the ranges of both, and po
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -95,8 +96,7 @@ def deliverable(scene: Scene) -> tuple[float, float]:
     return np.inf, np.inf
 
 
-@dataclass(frozen=True)
-class WindowFit:
+class WindowFit(NamedTuple):
     """Window calibrated by the rows of a plant.
 
     Parameters

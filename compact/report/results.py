@@ -74,7 +74,7 @@ def contact_table(study: Study) -> TableSpec:
 
 def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[TableSpec]:
     """Tabulate forces and compaction of each pass, and the density over the height; even passes have negative speed."""
-    from compact.analysis.multipass import density
+    from compact.analysis.contact_cases import density
 
     cases: list[tuple[Any, ...]] = [
         (speed if number % 2 else -speed, number, contact, contact.resistance / contact.load)

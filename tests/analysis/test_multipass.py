@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.analysis import contact_cases
-from compact.analysis.multipass import Pass, density, passes, there_and_back
+from compact.analysis.contact_cases import Pass, density, passes, there_and_back
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction.layer_state import LayerState

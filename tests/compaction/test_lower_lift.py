@@ -7,7 +7,7 @@ import pytest
 from mixes import LIFT, THIN, free_roller
 from mixes import LIFT_MIX as MIX
 
-from compact.analysis.multipass import Pass, density, passes
+from compact.analysis.contact_cases import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.layer_state import compacted_lift, fresh_layer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mixes import THIN
 
-from compact.analysis.multipass import Pass, passes
+from compact.analysis.contact_cases import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.reciprocating import MULTIPLIER_TOLERANCE, ReciprocatingRoller, simulate_reciprocating

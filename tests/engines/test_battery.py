@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem
-from compact.analysis.multipass import Pass, passes
+from compact.analysis.contact_cases import Pass, passes
 from compact.engines import formula
 from compact.engines.column import column_pass
 from compact.engines.column import engine as column

@@ -13,7 +13,7 @@ from sampling import examples
 from scipy.integrate import quad
 from scipy.optimize import brentq, root
 
-from compact.analysis.multipass import Pass, passes
+from compact.analysis.contact_cases import Pass, passes
 from compact.engines.column.column_pass import Column
 from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.material import cap_plasticity

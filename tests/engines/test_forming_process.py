@@ -9,7 +9,7 @@ import pytest
 from column_cases import mix
 from lift_sequences import sequence
 
-from compact.analysis.multipass import Pass, passes
+from compact.analysis.contact_cases import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.column.column_pass import Column
 from compact.engines.compaction.engine import roll

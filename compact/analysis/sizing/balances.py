@@ -20,7 +20,6 @@ the rollers press more fresh mix than the mould carries away, the forces are tho
 forming process at this throughput, where all passes together compress the mix from its loose state once.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +32,7 @@ from compact.material.mix import LOOSE_DENSITY_RATIO
 FEED_TOLERANCE = 0.1  # [-], of the mix pressed over the mix carried away; feeders are adjusted no better
 
 
-@dataclass(frozen=True)
-class WorkBalance:
+class WorkBalance(NamedTuple):
     """Specific work and mix of one cart under the first law.
 
     Parameters

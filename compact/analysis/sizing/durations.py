@@ -13,7 +13,6 @@ different first laws. A law that is first only between two of them is found only
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -55,8 +54,7 @@ class Crossover(NamedTuple):
     value: float
 
 
-@dataclass(frozen=True)
-class DurationStudy:
+class DurationStudy(NamedTuple):
     """Ranking over the duration.
 
     Parameters

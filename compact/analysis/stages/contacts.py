@@ -14,9 +14,8 @@ import numpy as np
 
 from compact.analysis import contact_cases as cases
 from compact.analysis import pore_air
-from compact.analysis.contact_cases import HeldQuantity, Passes, Progress
+from compact.analysis.contact_cases import HeldQuantity, PassEnd, Passes, Progress
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
-from compact.analysis.multipass import PassEnd
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
 from compact.analysis.worker_pool import Job, SerialExecutor
@@ -401,8 +400,8 @@ class ProcessStage(ContactStage):
         """Forming process of the scene."""
         from compact.analysis.process import ProcessStudy  # finite elements are imported where strokes are computed
 
-        found = ProcessStudy(self.scene, cases.process_detail(self.scene), self.progress or (lambda _: None))
-        return replace(found, known=self.kept.lifts) if self.kept else found
+        detail, known = cases.process_detail(self.scene), self.kept.lifts if self.kept else None
+        return ProcessStudy(self.scene, detail, self.progress or (lambda _: None), known)
 
     def case(self, speed: float) -> Any:
         """Return the strokes at a speed of the cart [m/s]."""

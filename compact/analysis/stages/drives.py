@@ -6,7 +6,7 @@
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -377,8 +377,7 @@ def _curve(contacts: ContactStage, record: Contact, sides: list[Array]) -> list[
     return sorted(rows)
 
 
-@dataclass(frozen=True)
-class Stages:
+class Stages(NamedTuple):
     """Stages of one scene; the attributes of each are computed when first used."""
 
     contacts: ContactStage

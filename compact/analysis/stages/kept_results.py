@@ -27,7 +27,7 @@ from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    from compact.analysis.stages.uncertainty import RankingUncertainty
+    from compact.analysis.stages.uncertainty import Uncertainties
     from compact.analysis.stages.verdict import ModelSpread
     from compact.engines.process.lifts import KnownLifts
 
@@ -47,7 +47,7 @@ RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "model_spread": lambda: import_module("compact.analysis.stages.verdict").ModelSpread,
     "prior": lambda: tuple[float, float],
     "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
-    "uncertainty": lambda: dict[str, import_module("compact.analysis.stages.uncertainty").RankingUncertainty],
+    "uncertainty": lambda: import_module("compact.analysis.stages.uncertainty").Uncertainties,
 }
 _LOG = logging.getLogger(__name__)
 
@@ -81,7 +81,7 @@ class KeptResults:
     lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
     prior: tuple[float, float] | None = None
-    uncertainty: "dict[str, RankingUncertainty]" = field(default_factory=dict)
+    uncertainty: "Uncertainties" = field(default_factory=dict)
 
 
 def contacts_key(scene: Scene, mix: Mix) -> str:

@@ -208,6 +208,7 @@ def margin_of(changes: Iterable[tuple[float, float]]) -> float:
     return math.hypot(*(max(0.0, high) for _, high in changes))
 
 
+Uncertainties = dict[str, RankingUncertainty]  # by the key of a scene
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
 

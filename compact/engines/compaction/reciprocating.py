@@ -29,7 +29,7 @@ Range
 Lifts
     Between two strokes a lift of fresh mix may be added on a flat layer of rows in the state of the middle of the
     stroke; then the roller is pressed to its indentation below the new surface. The ends of the stroke, about as long
-    as the contact, are approximated by the middle. `multipass` is the reference for it. With an `edge_distance` the
+    as the contact, are approximated by the middle; `contact_cases.passes` is the reference. With an `edge_distance` the
     roller stays down: at each reversal mix in the fed state is laid behind it up to the fed height (`laid_state`), so
     that it returns on its own track and then meets the layer of the stroke before (`studies/reversal.py`).
 """
