@@ -8,8 +8,9 @@
         for number, job in run_tasks(work, tasks, executor):
             job.result()                           # in the order of completion
 
-`work` is a function of one task that a worker can import. If a worker process dies, another one repeats its task; a
-task whose worker dies ATTEMPTS times raises `WorkerError`. Workers use one BLAS thread.
+`work` is a function of one task that a worker can import. If a worker process dies, the pool is rebuilt and the tasks
+that were running are repeated one at a time; a task whose worker dies ATTEMPTS times raises `WorkerError`.
+Workers use one BLAS thread.
 """
 
 import logging
@@ -38,7 +39,6 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 _LOG = logging.getLogger(__name__)
 Work = Callable[[Any], Any]
-Worker = tuple[ProcessPoolExecutor, "Future[int]"]  # pool of one process, and what tells that it has begun
 
 
 class WorkerError(RuntimeError):
@@ -51,7 +51,6 @@ class Job(Future[Any]):
     def __init__(self, executor: "SerialExecutor", work: Work, task: Any) -> None:
         super().__init__()
         self.executor, self.work, self.task, self.deaths = executor, work, task, 0
-        self.worker: Any = None  # that runs it
 
     def result(self, timeout: float | None = None) -> Any:
         """Wait for the result and return it, or raise the error of the task."""
@@ -107,83 +106,84 @@ class SerialExecutor:
 
 
 class ProcessExecutor(SerialExecutor):
-    """Executor in worker processes, pools of one process each, so that a death concerns one task.
+    """Executor in worker processes.
 
     Attributes
     ----------
     deaths : int
-        Number of workers that died and were replaced.
+        Number of times that the pool was rebuilt after the death of a worker.
     """
 
     def __init__(self, count: int) -> None:
         super().__init__()
         self.count, self.deaths = count, 0
         self._failed_starts = 0  # in succession
-        self._queue = deque[Job]()
+        self._repeated = deque[Job]()  # after the death of a worker; one at a time, so that the cause is known
 
     def __enter__(self) -> Self:
-        self._others, self._pools = active_children(), list[ProcessPoolExecutor]()
-        self._idle = [self._new_worker() for _ in range(self.count)]
+        self._others = active_children()
+        context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
+        self._pool, self._started = ProcessPoolExecutor(self.count, context, _begin_worker), []
+        with suppress(BrokenProcessPool):
+            # all processes start now: a pool that starts one while another dies may fail in its own thread
+            for _ in range(self.count):
+                self._started.append(self._pool.submit(os.getpid))
         return self
 
     def __exit__(self, *error: object) -> None:
         for process in active_children():
             if process not in self._others:
                 process.kill()
-        for pool in self._pools:
-            pool.shutdown(cancel_futures=True)
+        self._pool.shutdown(cancel_futures=True)
+
+    @property
+    def _begun(self) -> bool:
+        """True if a worker process has begun its work."""
+        return any(each.done() and each.exception() is None for each in self._started)
 
     @property
     def free(self) -> bool:
-        """True if a worker is idle."""
-        return bool(self._idle)
-
-    def _new_worker(self) -> Worker:
-        # threads of numpy and of the progress do not survive a fork
-        self._pools.append(ProcessPoolExecutor(1, get_context("spawn"), _begin_worker))
-        return self._pools[-1], self._pools[-1].submit(os.getpid)  # the process starts now
+        """True if a worker is idle and no task has to be repeated."""
+        return not self._repeated and len(self._running) < self.count
 
     def _start(self, job: Job) -> None:
-        self._queue.append(job)
-        self._begin_queued()
-
-    def _begin_queued(self) -> None:
-        while self._queue and self._idle:
-            (pool, begun), job = self._idle.pop(), self._queue[0]
-            try:
-                self._running[pool.submit(run_marked, job.work, job.task)] = job
-            except BrokenProcessPool:
-                self._replace(begun)
-                continue
-            job.worker = pool, begun
-            self._queue.popleft()
+        try:
+            self._running[self._pool.submit(run_marked, job.work, job.task)] = job
+        except BrokenProcessPool:
+            self._repeated.append(job)
+            if not self._running:  # else `_advance` rebuilds the pool
+                self._rebuild()
 
     def _advance(self) -> None:
-        for future in wait(self._running, return_when=FIRST_COMPLETED).done:
+        if not self._running:
+            self._start(self._repeated.popleft())
+        done = wait(self._running, return_when=FIRST_COMPLETED).done
+        lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
+        begun = self._begun
+        for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
             job = self._running.pop(future)
             if not isinstance(future.exception(), BrokenProcessPool):
-                self._idle.append(job.worker)
                 job.settle(future.result)
                 continue
-            job.deaths += self._replace(job.worker[1])
+            job.deaths += begun
             if job.deaths < ATTEMPTS:
-                self._queue.appendleft(job)
+                self._repeated.append(job)
             else:
                 job.set_exception(WorkerError(f"its worker process died {ATTEMPTS} times"))
-        self._begin_queued()
+        if lost:
+            _LOG.info("a worker process died; its tasks are repeated one at a time")
+            self._rebuild()
 
-    def _replace(self, begun: "Future[int]") -> bool:
-        """Replace a worker that died; return True if it had begun its work."""
-        _LOG.info("a worker process died; its task is repeated")
+    def _rebuild(self) -> None:
         self.deaths += 1
-        self._failed_starts = self._failed_starts + 1 if begun.exception() else 0
+        self._failed_starts = 0 if self._begun else self._failed_starts + 1
         if self._failed_starts == ATTEMPTS:
             raise RuntimeError(
                 f"{ATTEMPTS} worker processes ended before they could begin; a script that sweeps needs "
                 '`if __name__ == "__main__":`, or give one worker'
             )
-        self._idle.append(self._new_worker())
-        return not begun.exception()
+        self.__exit__()
+        self.__enter__()
 
 
 def _begin_worker() -> None:
