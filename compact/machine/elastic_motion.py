@@ -36,11 +36,10 @@ from compact.numerics.piecewise import (
 from compact.turning import Share, StrokeResistance
 
 MAX_STEPS = 20_000  # [-], of a cycle; 1 kB each, a hundred are usual
-CANDIDATE = 0.9  # [-], of the largest sample; a step with smaller ones does not contain the maximum
-FINE_SAMPLES = 2049  # [-], of such a step; a parabola through three is exact to 1e-10
+CANDIDATES = {129: 0.9, 2049: 0.99}  # samples of the steps with a share of the largest one [-]; others are lower
 SAMPLES, WEIGHTS = clenshaw_curtis(2 * ORDER + 1)  # of a step; exact for the power, a product of two polynomials
 SAMPLED_POLYNOMIALS = chebyshev.chebvander(2 * SAMPLES - 1, ORDER).T
-FINE_POLYNOMIALS = chebyshev.chebvander(np.linspace(-1, 1, FINE_SAMPLES), ORDER).T
+FINE_POLYNOMIALS = [chebyshev.chebvander(np.linspace(-1, 1, count), ORDER).T for count in CANDIDATES]
 ATTEMPTS_PER_CALL = 500  # [-], of one compiled call; 0.1 s or less, then Python handles interrupts
 LAW_TOLERANCE = 1e-11  # [-], of the peak acceleration; polynomials of the law
 TABLE_TOLERANCE = 1e-2  # [-], of the solution tolerance; polynomials of the resistance
@@ -167,10 +166,12 @@ class Trajectory:
         return self._largest(force), self._largest(force, pace @ TO_CHEBYSHEV.T)
 
     def _largest(self, *factors: Array) -> float:
-        """Largest magnitude of a product of Chebyshev series of each step; by a parabola between fine samples."""
-        values = np.abs(np.prod([series @ SAMPLED_POLYNOMIALS for series in factors], axis=0)).max(axis=1)
-        near = values > CANDIDATE * values.max()
-        fine = np.abs(np.prod([series[near] @ FINE_POLYNOMIALS for series in factors], axis=0))
+        """Largest magnitude of a product of Chebyshev series of each step; by a parabola through three fine samples."""
+        fine = np.abs(np.prod([series @ SAMPLED_POLYNOMIALS for series in factors], axis=0))
+        for polynomials, share in zip(FINE_POLYNOMIALS, CANDIDATES.values(), strict=True):
+            near = fine.max(axis=1) >= share * fine.max()
+            factors = tuple(series[near] for series in factors)
+            fine = np.abs(np.prod([series @ polynomials for series in factors], axis=0))
         left, middle, right = fine[:, :-2], fine[:, 1:-1], fine[:, 2:]
         summits = (middle > left) & (middle >= right)
         left, middle, right = left[summits], middle[summits], right[summits]

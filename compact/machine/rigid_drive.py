@@ -34,6 +34,7 @@ SLOW_SPEED_RATIO = 1e-6  # [-], of the mean speed; ratio of the forces of both h
 STANDSTILL_SPEED_RATIO = 1e-12  # [-], of the mean speed; stands for the limit v -> 0
 WORKING_PART = (1 / 6, 5 / 6)  # [-], of the forward stroke; default part for the nonuniformity
 NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
+PHASE_UNIT = 2.0**-40  # [-], to which roots between pieces are rounded, so that no sample hangs on their last digits
 MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins and dead centres coincide
 CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the crank
 
@@ -203,7 +204,8 @@ class InverseDynamics:
                     lambda z, k, leg=leg, at=places: leg.at_phase(z, 0) - at[k], len(places), grid
                 )
                 grid = graded_grid(np.union1d(leg.breakpoints(), joins))
-                found[leg.start] = np.append(joins, find_sign_changes(partial(self._reaction, leg), 2, grid))
+                roots = np.append(joins, find_sign_changes(partial(self._reaction, leg), 2, grid))
+                found[leg.start] = np.round(roots / PHASE_UNIT) * PHASE_UNIT
         return found
 
     def _reaction(self, leg, phase, wheel):

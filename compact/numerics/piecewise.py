@@ -27,7 +27,9 @@ Function = Callable[[Array], Array]
 
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
-ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
+ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search, to 1e-7 of a cell; a smooth maximum needs 2
+SMOOTH_RISE = 1e-6  # [-], of a maximum; larger ones between such samples are kinks or jumps
+ROOT_ROUNDING = 3e-13  # [-], of the largest value; a smaller one is zero
 ROOT_ITERATIONS = 16  # [-], of the Illinois method from a graded grid; more would follow the rounding of a flat root
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
@@ -62,7 +64,7 @@ def find_maximum(function: Function, grid: Array, values: Array | None = None) -
     """Find the global maximum of a function and its position on a grid of pieces as of `interior_grid`.
 
     Local maxima are bracketed by the values on the grid, computed by default, and located by repeated subdivision of
-    the two best cells.
+    the two best cells, until the parabola through the best three samples changes no more.
     """
     values = function(grid) if values is None else values
     best = np.unravel_index(np.argmax(values), values.shape)
@@ -73,17 +75,28 @@ def find_maximum(function: Function, grid: Array, values: Array | None = None) -
     rises = (middle + bend >= values[best]) & (bend > BREAK_OFFSET * np.abs(values[best]))
     rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)
     low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
-    maxima, rounding = [(float(values[best]), float(grid[best]))], BREAK_OFFSET * np.abs(values[best])
+    sampled = found = float(values[best]), float(grid[best])
     for _ in range(ZOOM_LEVELS if rows.size else 0):
         points = low + (high - low) * np.linspace(0, 1, ZOOM_CELLS + 1)
         values = function(points)
-        highest = values.argmax(axis=1)[:, None]
-        maxima.append((float(values.max()), float(points[np.unravel_index(np.argmax(values), values.shape)])))
-        beside = [np.clip(highest + step, 0, ZOOM_CELLS) for step in (-1, 1)]
-        low, high = (np.take_along_axis(points, each, axis=1) for each in beside)
-        if maxima[-1][0] - min(np.take_along_axis(values, each, axis=1).min() for each in beside) <= rounding:
+        highest = np.clip(values.argmax(axis=1), 1, ZOOM_CELLS - 1)[:, None] + np.array([-1, 0, 1])
+        points, values = (np.take_along_axis(each, highest, axis=1) for each in (points, values))
+        low, high = points[:, :1], points[:, 2:]
+        heights, places = _vertices(points, values)
+        best, before = heights.argmax(), found[0]
+        found = float(heights[best]), float(places[best])
+        if abs(found[0] - before) <= BREAK_OFFSET * abs(before):
             break
-    return max(maxima)
+    return max(sampled, found)
+
+
+def _vertices(places: Array, values: Array) -> tuple[Array, Array]:
+    """Heights and places of parabolas through three even samples each; the middle sample at a kink or jump."""
+    left, middle, right = values.T
+    bend = 2 * middle - left - right
+    shift = np.divide(right - left, 2 * bend, out=np.zeros(bend.shape), where=bend > 0)
+    shift[bend * shift**2 > SMOOTH_RISE * np.abs(middle)] = 0.0
+    return middle + bend * shift**2 / 2, places[:, 1] + shift * (places[:, 2] - places[:, 0]) / 2
 
 
 def find_roots(function: Function, breaks: Array) -> Array:
@@ -99,15 +112,19 @@ def find_sign_changes(
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
     at_low, at_high, nearest, least = values[rows, columns], values[rows, columns + 1], low, np.full(low.shape, np.inf)
+    side, rounding = np.full(low.shape, -1), ROOT_ROUNDING * np.abs(values).max(axis=1)[rows]
     for _ in range(iterations if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
             place = high - at_high * (high - low) / (at_high - at_low)
         place = np.where((place > low) & (place < high), place, (low + high) / 2)
         here = function(place, rows)
         nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
+        if np.all(least <= rounding):
+            break
         upper = (here < 0) == (at_high < 0)
-        low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
-        high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
+        kept = np.where(upper == side, 0.5, 1.0)  # an end that stays twice
+        low, at_low = np.where(upper, low, place), np.where(upper, kept * at_low, here)
+        high, at_high, side = np.where(upper, place, high), np.where(upper, here, kept * at_high), upper
     return nearest
 
 

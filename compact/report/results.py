@@ -17,6 +17,7 @@ from compact.report.tables import Getter, TableSpec, json_number, json_values
 from compact.scene.loader import Scene
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
+ROOT_SHARE = 1e-9  # [-], of the largest reaction; a smaller one is zero but for rounding
 CONTACT = (
     "speed_m/s load_N/m resistance_N/m coefficient leading_m trailing_m peak_pressure_Pa load_error resistance_error "
     "work_residual iterations"
@@ -143,7 +144,8 @@ def reaction_tables(study: Study) -> Iterator[TableSpec]:
     rows = []
     for name, run in study.stages.drive.runs.items():
         front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
-        lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
+        slight = -ROOT_SHARE * max(np.abs(front).max(), np.abs(rear).max())
+        lifted = float(np.sum(run.weights * ((front < slight) | (rear < slight))) / run.period)
         rows.append((name, *(float(value) for each in (front, rear) for value in (each.min(), each.max())), lifted))
     names = "law=0 front_least_N=1 front_largest_N=2 rear_least_N=3 rear_largest_N=4 lifted_off_share=5"
     yield TableSpec.of("reactions", rows, names)
