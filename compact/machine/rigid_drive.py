@@ -352,7 +352,7 @@ class Run:
     @cached_property
     def peak_jerk(self) -> float:
         """Largest |jerk| [m/s^3]; infinite if velocity or acceleration jumps."""
-        return math.inf if self.shocks else self.largest(lambda state: state.jerk)
+        return math.inf if self.shocks else self.cycle.forward.peaks().jerk
 
     @cached_property
     def nonuniformity(self) -> float:

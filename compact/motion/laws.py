@@ -167,9 +167,16 @@ class ComplexLaw:
     def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z, 0 <= z <= 1 [-]."""
         z = np.asarray(z, float)
+        polynomial, layers = self._parts
+        return polynomial.deriv(nu)(z - 0.5) + sum(amplitude * layer(z, nu) for amplitude, layer in layers)
+
+    @cached_property
+    def _parts(self):
+        """Polynomial of z - 1/2, and amplitudes of the layers at the ends."""
         slope, amplitudes = self._amplitudes
-        value = sum(a * _mode_at(mode, z, nu) for a, mode in zip(amplitudes, self._modes, strict=True))
-        return value + (0.5 + slope * (z - 0.5), slope)[nu] if nu < 2 else value + 0.0 * z
+        modes = list(zip(amplitudes, self._modes, strict=True))
+        series = (amplitude * mode for amplitude, mode in modes if isinstance(mode, Polynomial))
+        return sum(series, Polynomial([0.5, slope])), [each for each in modes if not isinstance(each[1], Polynomial)]
 
     @cached_property
     def x(self) -> Array:

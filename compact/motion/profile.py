@@ -182,6 +182,10 @@ class MotionProfile(TravelDerivatives):
 
     def peaks(self) -> Peaks:
         """Return the `Peaks` inside the pieces, from the roots of the next derivative; impulses are excluded."""
+        return self._peaks
+
+    @cached_property
+    def _peaks(self):
         largest = (np.abs(self.curve(extremum_candidates(self.curve, k), nu=k)).max() for k in range(1, 5))
         return Peaks(*(float(self._scale(k + 1) * peak) for k, peak in enumerate(largest)))
 
