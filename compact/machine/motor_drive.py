@@ -257,6 +257,11 @@ class MotorRun(rigid_drive.Run):
         """Return the largest |quantity(state)| of the first cart over the revolution, also between samples."""
         return self._largest_of_shaft(lambda *at: quantity(self.load.states_at(*at)[0]))
 
+    @cached_property
+    def peak_jerk(self) -> float:
+        """Largest |jerk| of the first cart [m/s^3]; infinite if velocity or acceleration of the law jumps."""
+        return math.inf if self.shocks else self.largest(lambda state: state.jerk)
+
     def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(angle, energy, acceleration, jerk)| over the revolution, also between samples."""
         evaluate, grid = self.revolution.evaluate, interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
