@@ -71,8 +71,8 @@ def test_folders_and_modules_have_a_readable_size():
 
 
 BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
-    "engines": 6644, "analysis": 5020, "report": 2144, "machine": 3042, "scene": 1652, "motion": 1093, "material": 1100,
-    "sweep": 607, "cams": 510, "validation": 478, "api": 428, "numerics": 550, "cli": 525, "verification": 254,
+    "engines": 6644, "analysis": 5020, "report": 2146, "machine": 3034, "scene": 1652, "motion": 1101, "material": 1100,
+    "sweep": 607, "cams": 510, "validation": 478, "api": 428, "numerics": 559, "cli": 525, "verification": 254,
     "interfaces": 241, "modules": 1333,
 }  # fmt: skip
 
