@@ -83,8 +83,8 @@ def find_maximum(function: Function, grid: Array, values: Array | None = None) -
         points, values = (np.take_along_axis(each, highest, axis=1) for each in (points, values))
         low, high = points[:, :1], points[:, 2:]
         heights, places = _vertices(points, values)
-        best, before = heights.argmax(), found[0]
-        found = float(heights[best]), float(places[best])
+        top, before = heights.argmax(), found[0]
+        found = float(heights[top]), float(places[top])
         if abs(found[0] - before) <= BREAK_OFFSET * abs(before):
             break
     return max(sampled, found)
