@@ -23,7 +23,7 @@ R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from operator import itemgetter
 from typing import ClassVar, NamedTuple
 
@@ -36,6 +36,7 @@ from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
+SHARED_CYCLES = 64  # [-], whose samples the cams of different followers share
 LEG_SAMPLES = 2000  # [-], for crossing flanks: least breadth within 4e-7 of the stroke (compared with 32000)
 ANGLE_TOLERANCE = 1e-9  # [rad], between distinct breakpoints
 LENGTH_ROUNDING = 1e-12  # [-], of the length
@@ -64,6 +65,17 @@ class FollowerContact(NamedTuple):
     pressure_angle: Array
     turn: Array
     arc: Array
+
+    @property
+    def curvature(self) -> Array:
+        """Curvature of the profile [1/m], convex > 0."""
+        with np.errstate(divide="ignore"):
+            return self.turn / self.arc
+
+    def place(self, angle: Array) -> Array:
+        """Return the points (x, y) at the angles of the contact [rad] in the frame of the cam [m], shape (2, n)."""
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.array([self.radial * cos - self.offset * sin, self.radial * sin + self.offset * cos])
 
 
 @dataclass(frozen=True)
@@ -292,14 +304,17 @@ class Cam:
 
     def derivative(self, angle: ArrayLike, order: int) -> Array:
         """Return the derivative of rho with respect to phi [m] at angles phi [rad] of any shape."""
+        return self._derivatives(angle, order)[0]
+
+    def _derivatives(self, angle: ArrayLike, *orders: int) -> list[Array]:
         validation.require_finite(angle=angle)
         period = self.cycle.period
         time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
-        nearest = self._break_times[np.abs(time[..., None] - self._break_times).argmin(axis=-1)]
+        nearest = self._break_times[np.searchsorted((self._break_times[1:] + self._break_times[:-1]) / 2, time)]
         rounding = BREAK_OFFSET * period  # a time that it placed before a breakpoint is moved behind it
         time = np.where(np.abs(time - nearest) <= rounding, nearest + rounding, time)
-        value = (period / (2 * np.pi)) ** order * self.cycle.derivative(time, order)
-        return value + self._base if order == 0 else value
+        values = [(period / (2 * np.pi)) ** order * self.cycle.derivative(time, order) for order in orders]
+        return [value if order else value + self._base for order, value in zip(orders, values, strict=True)]
 
     def radius(self, angle: ArrayLike) -> Array:
         """Return rho [m] at an angle [rad]: radius to the point or roller centre, or distance of the flat face."""
@@ -307,20 +322,16 @@ class Cam:
 
     def contact(self, angle: ArrayLike) -> FollowerContact:
         """Return the contact of the follower at angles [rad] of any shape."""
-        return self.follower.contact(*(self.derivative(angle, order) for order in range(3)))
+        return self.follower.contact(*self._derivatives(angle, 0, 1, 2))
 
     def profile(self, angle: ArrayLike) -> Array:
         """Return the points (x, y) of the profile [m] at angles [rad] in the frame of the cam, shape (2, n)."""
         angle = np.atleast_1d(np.asarray(angle, float))
-        radial, offset, *_ = self.contact(angle)
-        cos, sin = np.cos(angle), np.sin(angle)
-        return np.array([radial * cos - offset * sin, radial * sin + offset * cos])
+        return self.contact(angle).place(angle)
 
     def curvature(self, angle: ArrayLike) -> Array:
         """Return the curvature of the profile [1/m] at an angle [rad], convex > 0."""
-        *_, turn, arc = self.contact(angle)
-        with np.errstate(divide="ignore"):
-            return turn / arc
+        return self.contact(angle).curvature
 
     @cached_property
     def corner_angles(self) -> tuple[float, ...]:
@@ -334,14 +345,10 @@ class Cam:
         distinct = angles[np.append(True, np.diff(angles) > ANGLE_TOLERANCE)]
         return tuple(distinct[distinct < 2 * np.pi - ANGLE_TOLERANCE].tolist())
 
-    @cached_property
+    @property
     def breadth_error(self) -> float:
         """Largest |rho(phi) + rho(phi + pi) - b| [m]: rounding if the breadth is constant."""
-
-        def error(angle: Array, *_: Array) -> Array:
-            return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
-
-        return _maximum(self.cycle, error)[0]
+        return _breadth_error(self.cycle, self.breadth)
 
     @cached_property
     def least_radius_of_curvature(self) -> float:
@@ -379,10 +386,12 @@ class Cam:
     def table(self, points: int) -> dict[str, Array]:
         """Return columns by name over a closed turn, at equal steps between `points` angles from 0 to 2 pi."""
         angle = np.linspace(0, 2 * np.pi, points)
-        (x, y), contact = self.profile(angle), self.contact(angle)
+        derivatives = self._derivatives(angle, 0, 1, 2)
+        contact = self.follower.contact(*derivatives)
+        x, y = contact.place(angle)
         return {
-            "angle_rad": angle, "radius_m": self.radius(angle), "x_m": x, "y_m": y,
-            "pressure_angle_rad": contact.pressure_angle, "curvature_per_m": self.curvature(angle),
+            "angle_rad": angle, "radius_m": derivatives[0], "x_m": x, "y_m": y,
+            "pressure_angle_rad": contact.pressure_angle, "curvature_per_m": contact.curvature,
             "contact_offset_m": contact.offset,
         }  # fmt: skip
 
@@ -418,23 +427,46 @@ def _to_angle(cycle: Cycle, time: float) -> float:
     return float(2 * np.pi * (time / cycle.period))
 
 
+@lru_cache(maxsize=SHARED_CYCLES)
+def _breadth_error(cycle: Cycle, breadth: float) -> float:
+    cam = Cam(cycle, breadth, Pointed())
+
+    def error(z: Array, leg: Leg) -> Array:
+        angle = _angle(cycle, leg, z)
+        here, opposite = cam.radius(np.array([angle, angle + np.pi]))
+        return np.abs(here + opposite - breadth)
+
+    return max(find_maximum(partial(error, leg=leg), grid)[0] for leg, grid, _ in _samples(cycle))
+
+
 def _maximum(cycle: Cycle, measure: Measure) -> tuple[float, float]:
     """Largest `measure(phi, x, x', x'')` over the turn and its angle, both sides of every breakpoint."""
+
+    def along(z: Array, leg: Leg) -> Array:
+        return measure(*_travel(cycle, leg, z))
+
     found = []
-    for leg in cycle.legs():
-
-        def along(z: Array, leg: Leg = leg) -> Array:
-            return measure(*_travel(cycle, leg, z))
-
-        value, z = find_maximum(along, interior_grid(leg.breakpoints()))
-        found.append((value, float(_travel(cycle, leg, z)[0])))
+    for leg, grid, travel in _samples(cycle):
+        value, z = find_maximum(partial(along, leg=leg), grid, measure(*travel))
+        found.append((value, float(_angle(cycle, leg, z))))
     return max(found, key=itemgetter(0))
+
+
+@lru_cache(maxsize=SHARED_CYCLES)
+def _samples(cycle: Cycle) -> list[tuple[Leg, Array, tuple[Array, ...]]]:
+    """Legs of a cycle, the phases of their fine grids, and `_travel` there."""
+    grids = [(leg, interior_grid(leg.breakpoints())) for leg in cycle.legs()]
+    return [(leg, grid, _travel(cycle, leg, grid)) for leg, grid in grids]
 
 
 def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
     """Phi [rad] and x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
-    angle, radians = 2 * np.pi * (leg.start + leg.duration * z) / cycle.period, cycle.period / (2 * np.pi)
-    return angle, *(radians**order * leg.at_phase(z, order) for order in range(3))
+    radians = cycle.period / (2 * np.pi)
+    return _angle(cycle, leg, z), *(radians**order * leg.at_phase(z, order) for order in range(3))
+
+
+def _angle(cycle: Cycle, leg: Leg, z):
+    return 2 * np.pi * (leg.start + leg.duration * z) / cycle.period
 
 
 def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) -> float:

@@ -271,7 +271,7 @@ class Leg:
         return np.array([0.0, 1.0]) if self.motion is None else self.motion.curve.x
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cycle(TravelDerivatives):
     """Periodic motion: forward stroke, dwell at the far end, return stroke, dwell at the near end.
 
@@ -308,6 +308,10 @@ class Cycle(TravelDerivatives):
 
     def legs(self) -> list[Leg]:
         """Return passes and dwells in order of time; dwells of zero length are left out."""
+        return self._legs
+
+    @cached_property
+    def _legs(self):
         duration, stroke = self.forward.duration, self.forward.stroke
         far, near = duration + self.far_dwell, 2 * duration + self.far_dwell
         legs = [
@@ -327,11 +331,12 @@ class Cycle(TravelDerivatives):
         """Return the derivative of the travel [m/s^order] at times [s] of any shape; right limit at a jump."""
         validation.require_finite(time=time)
         instants = np.mod(np.asarray(time, float), self.period)
-        legs = self.legs()
-        which = np.searchsorted([leg.start for leg in legs], instants, side="right") - 1
-        phases = [np.clip(instants - leg.start, 0.0, leg.duration) / leg.duration for leg in legs]
-        values = [leg.at_phase(phase, order) for leg, phase in zip(legs, phases, strict=True)]
-        return np.select([which == i for i in range(len(legs))], values)
+        which = np.searchsorted([leg.start for leg in self.legs()], instants, side="right") - 1
+        values = np.empty(instants.shape)
+        for i, leg in enumerate(self.legs()):
+            if (here := which == i).any():
+                values[here] = leg.at_phase(np.minimum(instants[here] - leg.start, leg.duration) / leg.duration, order)
+        return values
 
     def discontinuities(self) -> tuple[Discontinuity, ...]:
         """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time."""
