@@ -176,8 +176,8 @@ def graded_mesh(
     top = height - levels[-2]
     inside = min(half_width, INSIDE_PLY_RATIO * top) / elements
     first = min(half_width, EDGE_PLY_RATIO * top) / elements / edge
-    inward = _geometric(half_width, first, np.sqrt(growth), inside)
-    outward = _geometric(reach * height, first, growth, MAX_SIZE * height)
+    inward = geometric(half_width, first, np.sqrt(growth), inside)
+    outward = geometric(reach * height, first, growth, MAX_SIZE * height)
     right = np.concatenate([half_width - inward[::-1], [half_width], half_width + outward])
     right[0] = 0.0
     y = _heights(levels, first, growth)
@@ -229,15 +229,15 @@ def _heights(levels: Array, first: float, growth: float) -> Array:
     """Heights of lines whose distance grows downwards, all levels included."""
     lines, size = [levels[-1]], first
     for high, low in pairwise(levels[::-1]):
-        depth = _geometric(high - low, min(size, (high - low) / 2), growth, MAX_SIZE * levels[-1])
+        depth = geometric(high - low, min(size, (high - low) / 2), growth, MAX_SIZE * levels[-1])
         lines += (high - depth).tolist()
         lines[-1] = low
         size = growth * (lines[-2] - low)
     return np.array(lines[::-1])
 
 
-def _geometric(length: float, first: float, growth: float, largest: float) -> Array:
-    """Positions of nodes whose distances grow from `first` to `largest`, the last at `length` exactly."""
+def geometric(length: float, first: float, growth: float, largest: float) -> Array:
+    """Return positions of nodes whose distances grow from `first` to `largest`, the last at `length` exactly."""
     count = int(np.ceil(length / first))
     if growth > 1:
         ramp = int(np.ceil(np.log(max(largest / first, 1)) / np.log(growth)))

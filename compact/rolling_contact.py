@@ -333,7 +333,14 @@ class Heaping:
     travel: float | None = None
 
 
-class HeapingError(RuntimeError):
+class NoSteadyStateError(RuntimeError):
+    """The contact has no steady state, or none was reached; its words are the first argument."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class HeapingError(NoSteadyStateError):
     """Fresh mix would heap up, or heaps up, in front of the roller without a steady state.
 
     Parameters
@@ -344,12 +351,7 @@ class HeapingError(RuntimeError):
         Numbers of the contact.
     """
 
-    def __init__(self, message: str, heaping: Heaping) -> None:
-        super().__init__(message, heaping)
-        self.heaping = heaping
-
-    def __str__(self) -> str:
-        return str(self.args[0])
+    heaping = property(lambda self: self.args[1], doc="Numbers of the contact.")
 
 
 class EquilibriumError(RuntimeError):
@@ -382,7 +384,7 @@ class Unsteady:
     resistance: float
 
 
-class UnsteadyError(RuntimeError):
+class UnsteadyError(NoSteadyStateError):
     """The motion has not become steady within the largest travel.
 
     Parameters
@@ -393,12 +395,7 @@ class UnsteadyError(RuntimeError):
         Numbers of the contact.
     """
 
-    def __init__(self, message: str, unsteady: Unsteady) -> None:
-        super().__init__(message, unsteady)
-        self.unsteady = unsteady
-
-    def __str__(self) -> str:
-        return str(self.args[0])
+    unsteady = property(lambda self: self.args[1], doc="Numbers of the contact.")
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,8 @@ class Share:
         Travel d on the own track before fresh mix is met [m].
     release : float
         Length r over which the old force lets go [m]; 0 at once.
+    standing : float
+        Part of the force that does not build up after a turn, the drag of sleeves and plate [-].
     """
 
     function: Callable[[Array], Array]
@@ -69,10 +71,11 @@ class Share:
     travels: tuple[float, ...]
     distance: float = 0.0
     release: float = 0.0
+    standing: float = 0.0
 
     def __call__(self, travel: ArrayLike) -> Array:
         """Return f [-] at travels since the turn [m]."""
-        return self.function(np.asarray(travel, float))
+        return self.standing + (1 - self.standing) * self.function(np.asarray(travel, float))
 
 
 @dataclass(frozen=True)
@@ -119,47 +122,24 @@ class _Wave:
 
 @dataclass(frozen=True)
 class _Imprint:
-    """Share of a contact of a circle that grows into fresh mix, of pressure ~ depth^exponent."""
+    """Share of a contact of a circle that grows into fresh mix, of pressure ~ depth^(power - 1)."""
 
     length: float
     edge: float
-    exponent: float
+    power: float
     track: float
+    of_load: bool  # the integral of the pressure along the contact
 
     def __call__(self, travel: Array) -> Array:
-        u = np.clip((travel - self.edge) / self.length + 1, 0.0, 1.0)
-        return np.maximum(self.track, self.portion(u))
+        left = (1 - np.clip((travel - self.edge) / self.length + 1, 0.0, 1.0)) ** 2
+        share = 1 - betainc(0.5, self.power, left) if self.of_load else (1 - left) ** self.power
+        return np.maximum(self.track, share)
 
     def travels(self) -> tuple[float, ...]:
-        places = self.edge + self.length * (np.array([self.onset(), 1.0]) - 1)
-        return tuple(np.unique(np.maximum(places, 0.0)).tolist())
-
-    def portion(self, u: Array) -> Array:
-        return (2 * u - u**2) ** (self.exponent + 1)
-
-    def onset(self) -> float:
-        return 1 - math.sqrt(1 - self.track ** (1 / (self.exponent + 1)))
-
-
-class _ImprintLoad(_Imprint):
-    """Likewise for the load, the integral of the pressure along the contact."""
-
-    def portion(self, u: Array) -> Array:
-        return 1 - betainc(0.5, self.exponent + 1, (1 - u) ** 2)
-
-    def onset(self) -> float:
-        return 1 - math.sqrt(betaincinv(0.5, self.exponent + 1, 1 - self.track))
-
-
-@dataclass(frozen=True)
-class _Standing:
-    """Share of a force of which a part is that of sleeves and plate, whole from the turn on."""
-
-    function: Callable[[Array], Array]
-    part: float
-
-    def __call__(self, travel: Array) -> Array:
-        return self.part + (1 - self.part) * self.function(travel)
+        track = self.track
+        left = betaincinv(0.5, self.power, 1 - track) if self.of_load else 1 - track ** (1 / self.power)
+        onset = max(self.edge - self.length * math.sqrt(left), 0.0)
+        return tuple(sorted({onset, self.edge}))
 
 
 @dataclass(frozen=True)
@@ -262,7 +242,7 @@ def with_standing_drag(share: Callable[[float], Share], part: float, edge_distan
     """
     require_between(0, 1, part=part)
     mix = share(edge_distance)
-    return replace(mix, function=_Standing(mix.function, part), track=part + (1 - part) * mix.track)
+    return replace(mix, standing=part, track=part + (1 - part) * mix.track)
 
 
 def imprint_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
@@ -289,7 +269,7 @@ def imprint_share(contact_length: float, exponent: float, edge_distance: float) 
     >>> print(*(f"{share(travel):.4f}" for travel in (0.05, 0.09, 0.110)))
     0.0200 0.5625 1.0000
     """
-    return _imprint(_Imprint, contact_length, exponent, edge_distance, TRACK)
+    return _imprint(contact_length, exponent, edge_distance, TRACK, of_load=False)
 
 
 def imprint_load_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
@@ -297,13 +277,13 @@ def imprint_load_share(contact_length: float, exponent: float, edge_distance: fl
 
     f = max(track, int_(1-u)^1 (1 - x^2)^n dx / int_0^1 (1 - x^2)^n dx),   a quarter on the own track
     """
-    return _imprint(_ImprintLoad, contact_length, exponent, edge_distance, LOAD_TRACK)
+    return _imprint(contact_length, exponent, edge_distance, LOAD_TRACK, of_load=True)
 
 
-def _imprint(kind, contact_length, exponent, edge_distance, track):
+def _imprint(contact_length, exponent, edge_distance, track, of_load):
     require_positive(contact_length=contact_length)
     require_nonnegative(exponent=exponent, edge_distance=edge_distance)
-    imprint = kind(contact_length, edge_distance, exponent, track)
+    imprint = _Imprint(contact_length, edge_distance, exponent + 1, track, of_load)
     distance = max(0.0, edge_distance - contact_length)
     return Share(imprint, track, imprint.travels(), distance, RELEASE * contact_length)
 

@@ -122,9 +122,21 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
                 f"`cutter_radius` must be at most {limit * (1 - CUTTER_MARGIN):.8g} m to fit the concave parts of the "
                 f"cam, got {cutter_radius:g} m; use a smaller cutter"
             )
-    angle, profile, error = _polygon(cam, tolerance)
-    path = None if cutter_radius is None else _offset_points(cam, angle, cutter_radius)
-    return Cut(cam, tolerance, angle, profile, error, cutter_radius, path)
+    breaks = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
+    for halving in range(REFINEMENT_LIMIT):  # the coarsest polygon that keeps the tolerance
+        deviation = CHORD_SHARE * tolerance / 2**halving
+        angle = np.concatenate([_angles_between(cam, low, high, deviation) for low, high in pairwise(breaks)])
+        profile = _offset_points(cam, angle, 0.0)
+        step = np.diff(angle, append=angle[0] + 2 * np.pi)
+        checked = (angle[:, None] + step[:, None] * np.arange(CHECKS_PER_STEP) / CHECKS_PER_STEP).ravel()
+        error = float(np.abs(follower_on_polygon(profile, cam.follower, checked) - cam.radius(checked)).max())
+        if error <= tolerance:
+            path = None if cutter_radius is None else _offset_points(cam, angle, cutter_radius)
+            return Cut(cam, tolerance, angle, profile, error, cutter_radius, path)
+    raise RuntimeError(
+        f"the follower on {angle.size} points deviates by {error:.3g} m from its law, allowed {tolerance:g} m; "
+        "increase the breadth of the cam or the tolerance"
+    )
 
 
 def largest_cutter(cam: Cam) -> float:
@@ -160,24 +172,6 @@ def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike
         else:
             rho[part] = _roller(outline, follower.radius, rays)
     return rho
-
-
-def _polygon(cam: Cam, tolerance: float) -> tuple[Array, Array, float]:
-    """Angles, rounded points and error of the coarsest polygon that keeps the tolerance."""
-    breaks = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
-    for halving in range(REFINEMENT_LIMIT):
-        deviation = CHORD_SHARE * tolerance / 2**halving
-        angle = np.concatenate([_angles_between(cam, low, high, deviation) for low, high in pairwise(breaks)])
-        profile = _offset_points(cam, angle, 0.0)
-        step = np.diff(angle, append=angle[0] + 2 * np.pi)
-        checked = (angle[:, None] + step[:, None] * np.arange(CHECKS_PER_STEP) / CHECKS_PER_STEP).ravel()
-        error = float(np.abs(follower_on_polygon(profile, cam.follower, checked) - cam.radius(checked)).max())
-        if error <= tolerance:
-            return angle, profile, error
-    raise RuntimeError(
-        f"the follower on {angle.size} points deviates by {error:.3g} m from its law, allowed {tolerance:g} m; "
-        "increase the breadth of the cam or the tolerance"
-    )
 
 
 def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> Array:

@@ -226,6 +226,7 @@ class LeastBreadth:
     rule: str
 
 
+@lru_cache(maxsize=SHARED_CYCLES)
 def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
     """Compute the breadth that a cam must exceed so that its profile contains the axis and is not undercut.
 
@@ -253,7 +254,7 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
     """
     stroke = cycle.forward.stroke
     if (drop := _velocity_drop(cycle)) and follower.radius_at_kink < 0:
-        angle = _to_angle(cycle, drop.time)
+        angle = float(_angle(cycle, drop.time))
         rule = f"impossible: the velocity drops by {drop.before - drop.after:.4g} m/s at the angle {angle:.4g} rad"
         return LeastBreadth(np.inf, angle, rule)
     base, angle = _maximum(cycle, lambda _, *travel: follower.base_radius(*travel))
@@ -336,12 +337,12 @@ class Cam:
     @cached_property
     def corner_angles(self) -> tuple[float, ...]:
         """Angles [rad] where the velocity jumps: corners of the path of the point or of the roller centre."""
-        return tuple(_to_angle(self.cycle, jump.time) for jump in self.cycle.discontinuities() if jump.order == 1)
+        return tuple(float(_angle(self.cycle, jump.time)) for jump in self.cycle.discontinuities() if jump.order == 1)
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
         """Angles [rad] in [0, 2 pi) between the pieces of the laws and the dwells, ascending."""
-        angles = np.unique([_to_angle(self.cycle, time) for time in self._break_times])
+        angles = _angle(self.cycle, self._break_times)
         distinct = angles[np.append(True, np.diff(angles) > ANGLE_TOLERANCE)]
         return tuple(distinct[distinct < 2 * np.pi - ANGLE_TOLERANCE].tolist())
 
@@ -373,14 +374,10 @@ class Cam:
     @property
     def undercut(self) -> bool:
         """True if the profile runs backwards, crosses itself or, for a roller, reaches the axis: `least_breadth`."""
-        return self.breadth <= self._least_breadth.breadth
+        return self.breadth <= self.least_breadth().breadth
 
     def least_breadth(self) -> LeastBreadth:
         """Return the `LeastBreadth` of this cycle and follower."""
-        return self._least_breadth
-
-    @cached_property
-    def _least_breadth(self):
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points: int) -> dict[str, Array]:
@@ -423,16 +420,12 @@ def _velocity_drop(cycle: Cycle) -> Discontinuity | None:
     return next((jump for jump in cycle.discontinuities() if jump.order == 1 and jump.after < jump.before), None)
 
 
-def _to_angle(cycle: Cycle, time: float) -> float:
-    return float(2 * np.pi * (time / cycle.period))
-
-
 @lru_cache(maxsize=SHARED_CYCLES)
 def _breadth_error(cycle: Cycle, breadth: float) -> float:
     cam = Cam(cycle, breadth, Pointed())
 
     def error(z: Array, leg: Leg) -> Array:
-        angle = _angle(cycle, leg, z)
+        angle = _angle(cycle, leg.start + leg.duration * z)
         here, opposite = cam.radius(np.array([angle, angle + np.pi]))
         return np.abs(here + opposite - breadth)
 
@@ -448,7 +441,7 @@ def _maximum(cycle: Cycle, measure: Measure) -> tuple[float, float]:
     found = []
     for leg, grid, travel in _samples(cycle):
         value, z = find_maximum(partial(along, leg=leg), grid, measure(*travel))
-        found.append((value, float(_angle(cycle, leg, z))))
+        found.append((value, float(_angle(cycle, leg.start + leg.duration * z))))
     return max(found, key=itemgetter(0))
 
 
@@ -462,11 +455,11 @@ def _samples(cycle: Cycle) -> list[tuple[Leg, Array, tuple[Array, ...]]]:
 def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
     """Phi [rad] and x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
     radians = cycle.period / (2 * np.pi)
-    return _angle(cycle, leg, z), *(radians**order * leg.at_phase(z, order) for order in range(3))
+    return _angle(cycle, leg.start + leg.duration * z), *(radians**order * leg.at_phase(z, order) for order in range(3))
 
 
-def _angle(cycle: Cycle, leg: Leg, z):
-    return 2 * np.pi * (leg.start + leg.duration * z) / cycle.period
+def _angle(cycle: Cycle, time):
+    return 2 * np.pi * time / cycle.period
 
 
 def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) -> float:

@@ -8,7 +8,7 @@ flow is laminar.
 
 The inverse problem determines pressures, flow and valve areas a over time for an imposed law. The outlet valve is
 fully open until the cart must be decelerated, so that p_in is as low as possible. The forward problem
-(`simulate_stroke`) determines the motion for imposed valve areas and a compressible oil:
+(`Circuit.simulate`) determines the motion for imposed valve areas and a compressible oil:
 
     (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs
 
@@ -238,10 +238,8 @@ class HydraulicRun(Run):
         """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
         dynamics, valves = self.inverse_dynamics, self.valve_flow
         pressures = float(valves.inlet_pressure[0]), float(valves.outlet_pressure[0])
-        stroke = dynamics.cycle.forward.stroke
-        return simulate_stroke(
-            dynamics.cart, self.drive, stroke, self.valve_areas(), dynamics.resistance, pressures, rtol=rtol
-        )
+        stroke, areas = dynamics.cycle.forward.stroke, self.valve_areas()
+        return Circuit(dynamics.cart, self.drive, stroke, areas, dynamics.resistance).simulate(pressures, rtol)
 
 
 @dataclass(frozen=True)
@@ -272,17 +270,9 @@ class HydraulicStroke:
     energy_residual: float
 
 
-def simulate_stroke(
-    cart: Cart,
-    hydraulic: Hydraulic,
-    stroke: float,
-    areas: ValveAreas,
-    resistance: Resistance,
-    pressures: tuple[float, float] = (0.0, 0.0),
-    *,
-    rtol: float = STROKE_TOLERANCE,
-) -> HydraulicStroke:
-    """Simulate a cart from rest at the near end under given valve areas.
+@dataclass(frozen=True)
+class Circuit:
+    """Cylinders, valves and cart; the state is x, v, p_in, p_out and the `WORK_TERMS`.
 
     Parameters
     ----------
@@ -296,57 +286,7 @@ def simulate_stroke(
         Inlet and outlet area [m2] over time [s]; their range is that of the simulation.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2]; m a + resistance increases with a.
-    pressures : tuple of float
-        Initial pressures of inlet and outlet [Pa].
-    rtol : float
-        Relative tolerance of the integration [-].
-
-    Raises
-    ------
-    RuntimeError
-        If the integration ends early.
     """
-    require_positive(mass=cart.mass, stroke=stroke, rtol=rtol)
-    require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
-    circuit = _Circuit(cart, hydraulic, stroke, areas, resistance)
-    breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
-    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
-    supply, work = hydraulic.supply_pressure, hydraulic.supply_pressure * hydraulic.piston_area * stroke
-    state, direction, parts = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0, []
-    for start, end in pairwise(breaks):
-        scale, time = np.array([stroke, stroke / end, supply, supply] + [work] * len(WORK_TERMS)), start
-        for _ in range(MAX_STOPS):  # alternating motion and rest
-            breakaways = (way for way in (1, -1) if circuit.stiction_margin(0.0, state, way) < 0)
-            direction = direction or next(breakaways, 0)
-            solution = solve_ivp(
-                partial(circuit.rates, direction=direction), (time, end), state, "Radau", rtol=rtol, atol=rtol * scale,
-                events=circuit.events(direction), jac=partial(circuit.jacobian, direction=direction, scale=scale),
-            )  # fmt: skip
-            parts.append(solution)
-            time, state = solution.t[-1], solution.y[:, -1].copy()
-            if solution.status != 1:
-                break
-            state[1] = 0.0
-            direction = 0 if direction else 1 if solution.t_events[0].size else -1
-        if solution.status != 0:
-            raise RuntimeError(
-                f"the integration of the cart ended at {time:.3g} s of {end:.3g} s: it alternates between motion and "
-                "rest; use stiffer oil (a larger `bulk_modulus`, a smaller `dead_volume`), or check `resistance` near "
-                "rest"
-            )
-    times, states = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts], axis=1)
-    springs = 0.0 if cart.end_springs is None else float(np.diff(cart.end_springs.energy([0.0, state[0]]))[0])
-    energies = dict(zip(WORK_TERMS, state[4:].tolist(), strict=True))
-    energies["resistance_work"] -= springs  # the force on the cart contains that of the springs
-    energies |= {"kinetic": float(cart.mass / 2 * state[1] ** 2), "springs": springs}
-    residual = 2 * energies["pump"] - sum(energies.values())
-    position, velocity, inlet, outlet = states[:4]
-    return HydraulicStroke(times, position, velocity, inlet, outlet, energies, abs(residual) / energies["pump"])
-
-
-@dataclass(frozen=True)
-class _Circuit:
-    """Cylinders, valves and cart; the state is x, v, p_in, p_out and the `WORK_TERMS`."""
 
     cart: Cart
     hydraulic: Any
@@ -354,6 +294,52 @@ class _Circuit:
     areas: Any
     resistance: Resistance
     evaluations: Iterator[int] = field(default_factory=count)
+
+    def simulate(self, pressures: tuple[float, float] = (0.0, 0.0), rtol: float = STROKE_TOLERANCE) -> HydraulicStroke:
+        """Simulate the cart from rest at the near end, with initial pressures of inlet and outlet [Pa].
+
+        Raises
+        ------
+        RuntimeError
+            If the integration ends early.
+        """
+        cart, stroke = self.cart, self.stroke
+        require_positive(mass=cart.mass, stroke=stroke, rtol=rtol)
+        require_opposing(self.resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in self.areas))
+        breaks = np.unique(np.concatenate([area.breaks for area in self.areas]))
+        breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
+        supply = self.hydraulic.supply_pressure
+        work = supply * self.hydraulic.piston_area * stroke
+        state, direction, parts = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0, []
+        for start, end in pairwise(breaks):
+            scale, time = np.array([stroke, stroke / end, supply, supply] + [work] * len(WORK_TERMS)), start
+            for _ in range(MAX_STOPS):  # alternating motion and rest
+                breakaways = (way for way in (1, -1) if self.stiction_margin(0.0, state, way) < 0)
+                direction = direction or next(breakaways, 0)
+                solution = solve_ivp(
+                    partial(self.rates, direction=direction), (time, end), state, "Radau", rtol=rtol, atol=rtol * scale,
+                    events=self.events(direction), jac=partial(self.jacobian, direction=direction, scale=scale),
+                )  # fmt: skip
+                parts.append(solution)
+                time, state = solution.t[-1], solution.y[:, -1].copy()
+                if solution.status != 1:
+                    break
+                state[1] = 0.0
+                direction = 0 if direction else 1 if solution.t_events[0].size else -1
+            if solution.status != 0:
+                raise RuntimeError(
+                    f"the integration of the cart ended at {time:.3g} s of {end:.3g} s: it alternates between motion "
+                    "and rest; use stiffer oil (a larger `bulk_modulus`, a smaller `dead_volume`), or check "
+                    "`resistance` near rest"
+                )
+        times, states = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts], axis=1)
+        springs = 0.0 if cart.end_springs is None else float(np.diff(cart.end_springs.energy([0.0, state[0]]))[0])
+        energies = dict(zip(WORK_TERMS, state[4:].tolist(), strict=True))
+        energies["resistance_work"] -= springs  # the force on the cart contains that of the springs
+        energies |= {"kinetic": float(cart.mass / 2 * state[1] ** 2), "springs": springs}
+        residual = 2 * energies["pump"] - sum(energies.values())
+        position, velocity, inlet, outlet = states[:4]
+        return HydraulicStroke(times, position, velocity, inlet, outlet, energies, abs(residual) / energies["pump"])
 
     def rates(self, time: float, state: Array, direction: int) -> Array:
         """Time derivative of the state; the pressure before the inlet valve falls at the full pump flow."""

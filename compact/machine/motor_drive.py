@@ -26,7 +26,7 @@ from compact.machine.shaft import RIGID, Belt, CartsOnShaft, ShaftRevolution, To
 from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
-from compact.numerics.validation import require_fields, require_nonnegative, require_opposing, require_positive
+from compact.numerics.validation import require_fields, require_nonnegative, require_opposing
 
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
@@ -36,7 +36,6 @@ MAX_REVOLUTIONS = 2000  # [-]
 FIRST_ANGLE = 1e-10  # [-], of the first piece of a revolution; the torque at rest acts over it
 GRADING = 4.0  # [-], ratio of the lengths of successive elements after the start
 REST_ENERGY = 1e-30  # [-], of the square of the no-load speed; stands for rest
-ENERGY_TOLERANCE = 1e-9  # [-], of w^2
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,6 @@ def simulate_motor(
     *,
     working: tuple[float, float] = rigid_drive.WORKING_PART,
     start_speed: float | None = None,
-    tolerance: float = 1e-9,
 ) -> "MotorRun":
     """Simulate one revolution of identical carts on a shaft with a motor.
 
@@ -135,8 +133,6 @@ def simulate_motor(
         Start and end of the working part of the forward stroke [-], for `nonuniformity`.
     start_speed : float, optional
         Initial speed of the shaft [rad/s]; the periodic regime without it.
-    tolerance : float
-        Of phi'^2 [-].
 
     Raises
     ------
@@ -154,11 +150,9 @@ def simulate_motor(
     rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = CartsOnShaft(cart, cycle, resistance, motor.angles, motor.rod)
-    require_positive(tolerance=tolerance)
     require_nonnegative(start_speed=0.0 if start_speed is None else start_speed)
     speed = _first_guess(motor, load) if start_speed is None else start_speed
-    residual = partial(motor.residual, load)
-    revolution = solve_shaft_speed(residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
+    revolution = solve_shaft_speed(partial(motor.residual, load), load.breaks(), speed, periodic=start_speed is None)
     run = MotorRun(cart, cycle, resistance, working, motor, revolution)
     run.require_no_slip()
     return run
@@ -361,36 +355,31 @@ class AccelerationPhase:
     energy_residual: float
 
 
-def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_TOLERANCE) -> AccelerationPhase:
+def simulate_acceleration_phase(periodic: MotorRun) -> AccelerationPhase:
     """Simulate the acceleration phase of carts and shaft from rest to a periodic regime.
 
     Parameters
     ----------
     periodic : MotorRun
         Run of the periodic regime.
-    tolerance : float
-        Relative difference from its initial speed at the end [-].
 
     Raises
     ------
     RuntimeError
         If the motor does not start or stalls, the belt slips, or `MAX_REVOLUTIONS` do not suffice.
     """
-    require_positive(tolerance=tolerance)
     motor, load, target, breaks = periodic.drive, periodic.load, periodic.speed[0], periodic.load.breaks()
     first = _first_instant(motor, load)
     parts = [(np.zeros(1),) * 3, tuple(np.array([value]) for value in first)]
     works = np.zeros(2)
     for revolution in range(MAX_REVOLUTIONS):
         for section in [breaks] if revolution else _graded_sections(first[1], breaks):
-            solution = solve_shaft_speed(
-                partial(motor.residual, load), section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False
-            )
+            solution = solve_shaft_speed(partial(motor.residual, load), section, parts[-1][2][-1], periodic=False)
             run = replace(periodic, revolution=solution)
             run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
             parts.append((parts[-1][0][-1] + run.time, 2 * np.pi * revolution + run.angle, run.speed))
-        if abs(run.speed[-1] - target) <= tolerance * target:
+        if abs(run.speed[-1] - target) <= PERIODIC_TOLERANCE * target:
             break
     else:
         raise RuntimeError(

@@ -58,6 +58,7 @@ DIFFERENTIATION = np.linalg.solve(
 ).T  # nodal values to nodal derivatives on a unit element
 INTEGRATION = np.linalg.inv(DIFFERENTIATION[1:, 1:])  # nodal values after the first to integrals from the start
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, ORDER))
+ENERGY_TOLERANCE = 1e-9  # [-], of E, relative to its largest value
 END_INSET = 1e-13  # [rad]; the ends of an element are evaluated from inside
 NEWTON_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
 NEWTON_TOLERANCE = 1e-12  # [-], of the largest E; change at convergence
@@ -253,8 +254,7 @@ class CartsOnShaft:
 
         Energy is phi'^2/2 [1/s^2], acceleration phi'' [rad/s^2] and jerk the third derivative [rad/s^3].
         """
-        angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.angles]
-        return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
+        return [self._cart_state(np.mod(angle + lead, 2 * np.pi), energy, acceleration, jerk) for lead in self.angles]
 
     def uniform_states(self, angle: Array) -> list[rigid_drive.DriveState]:
         """Solve motion and forces of each cart at angles [rad] of a shaft at uniform speed, one revolution a cycle."""
@@ -317,15 +317,12 @@ class ShaftRevolution:
         Ends of the elements [rad].
     angle, energy, acceleration : ndarray, shape (n, ORDER + 1)
         phi [rad], E [1/s^2] and phi'' [rad/s^2] at the nodes.
-    iterations : int
-        Newton iterations.
     """
 
     breaks: Array
     angle: Array
     energy: Array
     acceleration: Array
-    iterations: int
 
     @property
     def speed(self) -> Array:
@@ -369,9 +366,7 @@ class ShaftRevolution:
         return energy, acceleration, jerk
 
 
-def solve_shaft_speed(
-    residual: Residual, breaks: ArrayLike, speed: float, tolerance: float = 1e-9, periodic: bool = True
-) -> ShaftRevolution:
+def solve_shaft_speed(residual: Residual, breaks: ArrayLike, speed: float, *, periodic: bool) -> ShaftRevolution:
     """Solve the speed of a shaft over its angle.
 
     Parameters
@@ -382,26 +377,23 @@ def solve_shaft_speed(
         Angles between which the residual is smooth [rad].
     speed : float
         Initial speed, or a first guess of it in the periodic regime [rad/s].
-    tolerance : float
-        Of E, relative to its largest value.
     periodic : bool
         Solve the periodic regime.
     """
-    breaks, iterations = np.asarray(breaks, float), 0
+    breaks = np.asarray(breaks, float)
     energy = np.full((len(breaks) - 1, ORDER + 1), speed**2 / 2)
     for _ in range(MAX_REFINEMENTS):
         width = np.diff(breaks)[:, None]
         angle = np.clip(breaks[:-1, None] + width * NODES, breaks[:-1, None] + END_INSET, breaks[1:, None] - END_INSET)
-        energy, count = _solve_elements(residual, angle, width, energy, periodic)
-        iterations += count
+        energy = _solve_elements(residual, angle, width, energy, periodic)
         coefficients = np.abs(energy @ TO_CHEBYSHEV.T)
-        unresolved = coefficients[:, -2:].max(axis=1) > tolerance * energy.max()
+        unresolved = coefficients[:, -2:].max(axis=1) > ENERGY_TOLERANCE * energy.max()
         if not unresolved.any():
-            return ShaftRevolution(breaks, angle, energy, energy @ DIFFERENTIATION.T / width, iterations)
+            return ShaftRevolution(breaks, angle, energy, energy @ DIFFERENTIATION.T / width)
         middles = (breaks[:-1] + breaks[1:])[unresolved] / 2
         if len(breaks) + len(middles) > MAX_ELEMENTS:
             break
-        coarse = ShaftRevolution(breaks, angle, energy, energy, iterations)
+        coarse = ShaftRevolution(breaks, angle, energy, energy)
         breaks = np.sort(np.append(breaks, middles))
         fine = breaks[:-1, None] + np.diff(breaks)[:, None] * NODES
         energy = np.maximum(coarse.evaluate(fine)[0], MIN_ENERGY_RATIO * energy.min())
@@ -412,9 +404,9 @@ def solve_shaft_speed(
 
 
 def _solve_elements(residual, angle, width, energy, periodic):
-    """Solve for E at the nodes by Newton's method; return E and the number of iterations."""
+    """Solve for E at the nodes by Newton's method."""
     largest = MAX_ENERGY_RATIO * energy.max()
-    for iteration in range(1, NEWTON_ITERATIONS + 1):
+    for _ in range(NEWTON_ITERATIONS):
         try:
             with np.errstate(over="raise"):
                 change = _newton_step(residual, angle, width, energy, periodic)
@@ -423,7 +415,7 @@ def _solve_elements(residual, angle, width, energy, periodic):
         largest_fall = np.max(-change / energy, initial=1 - MIN_ENERGY_RATIO)
         energy = energy + (1 - MIN_ENERGY_RATIO) / largest_fall * change
         if np.abs(change).max() <= NEWTON_TOLERANCE * energy.max():
-            return energy, iteration
+            return energy
         if energy.max() > largest:
             raise RuntimeError(DIVERGED)
     slowest = np.unravel_index(energy.argmin(), energy.shape)
@@ -445,19 +437,12 @@ def _newton_step(residual, angle, width, energy, periodic):
     matrix[:, np.arange(ORDER + 1), np.arange(ORDER + 1)] += by_energy
     right = np.stack([-here[:, 1:], -matrix[:, 1:, 0]], axis=-1)
     particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
-    gaps = energy[:, 0] - np.roll(energy[:, -1], 1)  # jumps of E between elements, closed by the step
-    if not periodic:
-        gaps[0] = 0.0
-    starts = _propagate(particular[:, -1], propagation[:, -1], gaps, periodic)
-    return np.concatenate([starts[:, None], particular + propagation * starts[:, None]], axis=1)
-
-
-def _propagate(particular, propagation, gaps, periodic):
-    """Solve for s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
-    right, before = np.roll(particular, 1) - gaps, np.roll(propagation, 1)
+    # s at the starts of the elements closes the jumps of E: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)
+    gaps = energy[:, 0] - np.roll(energy[:, -1], 1)
+    right, before = np.roll(particular[:, -1], 1) - gaps, np.roll(propagation[:, -1], 1)
     if not periodic:
         right[0] = before[0] = 0.0
     rows = np.arange(len(right))
     columns = np.concatenate([rows, np.roll(rows, 1)])
-    matrix = sparse.csc_array((np.append(np.ones(len(rows)), -before), (np.tile(rows, 2), columns)))
-    return spsolve(matrix, right)
+    starts = spsolve(sparse.csc_array((np.append(np.ones(len(rows)), -before), (np.tile(rows, 2), columns))), right)
+    return np.concatenate([starts[:, None], particular + propagation * starts[:, None]], axis=1)

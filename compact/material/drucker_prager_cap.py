@@ -176,97 +176,76 @@ def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
 
 @internal
 def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
-    """Return the results at the intersection of cap and line."""
-    P, onset = p + law.pt, np.log(densest / k)
-    V, shear, (a, b, h, g), converged = _corner(law, (P, q, densest, onset, slope), limit, viscosity)
-    end = P - law.K * V
-    if viscosity > 0 and end - b < TOP_DISTANCE * a:
-        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
-    end_q = slope * end + limit + viscosity * shear
-    hardens = onset < V
-    rates = (h, g)
-    if not hardens:
-        rate = hardening(law, densest)[1] / 2
-        rates = (rate, rate + reaction(law, densest)[1])
-    derivatives = _corner_slopes(law, (q, V, shear, a, b, h, g), end, end_q, slope, viscosity, rates)
-    result = _result(law, (p, q, k, densest), (V, end - law.pt, end_q), derivatives, hardens)
-    return (0 if converged else MAX_ITERATIONS + 1, *result[1:])
+    """Return the results at the intersection of cap and line.
 
-
-@internal
-def _corner(law, trial, limit, viscosity):
-    """Return V, shear of the line, (a, b, da/dV, db/dV) and convergence at the corner of cap and line.
-
-    The residual, q^2 of the cap less that of the line, increases with V.
+    The residual, q^2 of the cap less that of the line, increases with V. The derivatives are the implicit ones of
+    y^2 + (q/Mc)^2 = a^2 and q + 3 G ls + 3 G q (V + N ls)/(y Mc^2) = q_tr with y = P_tr - K V - b.
     """
-    P_trial, q_trial, densest, onset, slope = trial
+    P_trial, onset, K, M2, G3, N = p + law.pt, np.log(densest / k), law.K, law.M**2, 3 * law.G, law.dilatancy
     pc = hardening(law, densest)[0]
     a_before = (pc + law.pt) / 2
     b_before = a_before + reaction(law, densest)[0]
     # from the intersection of line and supercritical side before hardening, or the nearest point
-    M2, G3, N = law.M**2, 3 * law.G, law.dilatancy
     square, half = 1 + slope * slope / M2, b_before - slope * limit / M2
     root = np.sqrt(max(half * half - square * (b_before**2 - a_before**2 + limit * limit / M2), 0.0))
-    V = (P_trial - (half + root) / square) / law.K
-    low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + b_before) / law.K
-    shear, a, b, h, g = 0.0, a_before, b_before, 0.0, 0.0
+    V = (P_trial - (half + root) / square) / K
+    low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + b_before) / K
+    shear, a, b, h, g, iterations = 0.0, a_before, b_before, 0.0, 0.0, MAX_ITERATIONS + 1
     for _ in range(MAX_ITERATIONS):
-        a, b, h, g = a_before, b_before, 0.0, 0.0
+        a, b, h, g = a_before, b_before, 0.0, 0.0  # h = da/dV, g = db/dV
         if onset < V:
             rise, H, u_rise, U = pressure_rise(law, densest, V - onset, pc)
             a, b, h, g = a_before + rise / 2, b_before + rise / 2 + u_rise, H / 2, H / 2 + U
-        y = P_trial - law.K * V - b
+        y = P_trial - K * V - b
         if y > 0:
-            y_V = -law.K - g
+            y_V = -K - g
             q_square, q_square_V = M2 * (a - y) * (a + y), 2 * M2 * (a * h - y * y_V)
-            q = np.sqrt(max(q_square, 0.0))
-            ratio = G3 * q / (y * M2)
-            shear = (q_trial - q - ratio * V) / (G3 + ratio * N)
-            line, by_V = slope * (P_trial - law.K * V) + limit, -slope * law.K
+            q_cap = np.sqrt(max(q_square, 0.0))
+            ratio = G3 * q_cap / (y * M2)
+            shear = (q - q_cap - ratio * V) / (G3 + ratio * N)
+            line, by_V = slope * (P_trial - K * V) + limit, -slope * K
             if viscosity > 0 and shear > 0:
                 line += viscosity * shear
-                if q > 0:
-                    q_V = q_square_V / (2 * q)
-                    ratio_V = ratio * (q_V / q - y_V / y)
+                if q_cap > 0:
+                    q_V = q_square_V / (2 * q_cap)
+                    ratio_V = ratio * (q_V / q_cap - y_V / y)
                     by_V -= viscosity * (q_V + ratio_V * (V + N * shear) + ratio) / (G3 + ratio * N)
             residual = q_square - line * line
             change = -residual / (q_square_V - 2 * line * by_V)
         else:
-            residual, change = -y, (y - a / 2) / (law.K + g)
+            residual, change = -y, (y - a / 2) / (K + g)
         if (y > 0 and abs(change) <= tolerance) or high - low <= tolerance:
-            return V, shear, (a, b, h, g), True
+            iterations = 0
+            break
         if residual > 0:
             high = V
         else:
             low = V
         next_V = V + change
         V = next_V if low < next_V < high else (low + high) / 2
-    return V, shear, (a, b, h, g), False
 
-
-@internal
-def _corner_slopes(law, solution, P, q, slope, viscosity, rates):
-    """Return the derivatives for `_result` by the implicit derivatives of yield limit and shear flow.
-
-    They are y^2 + (q/Mc)^2 = a^2 and q + 3 G ls + 3 G q (V + N ls)/(y Mc^2) = q_tr with y = P_tr - K V - b.
-    `rates` are the derivatives of a and b by the logarithm of the density ratio that determines them.
-    """
-    _, V, shear, a, b, h, g = solution
-    K, M2, N, G3 = law.K, law.M**2, law.dilatancy, 3 * law.G
+    P = P_trial - K * V
+    if viscosity > 0 and P - b < TOP_DISTANCE * a:
+        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
+    q_end, hardens = slope * P + limit + viscosity * shear, onset < V
+    rate, shift = h, g  # of a and b by the logarithm of the density ratio that determines pc
+    if not hardens:
+        rate = hardening(law, densest)[1] / 2
+        shift = rate + reaction(law, densest)[1]
     y = P - b
     flow, weight = V + N * shear, G3 / (y * M2)
-    y_V = -K - g
     q_V, q_l = -slope * K, viscosity
     # residuals by V and ls
-    f_V, f_l = 2 * y * y_V + 2 * q * q_V / M2 - 2 * a * h, 2 * q * q_l / M2
-    g_V = q_V + weight * (q_V * flow + q - q * flow * y_V / y)
-    g_l = q_l + G3 + weight * (q_l * flow + q * N)
+    f_V, f_l = -2 * y * (K + g) + 2 * q_end * q_V / M2 - 2 * a * h, 2 * q_end * q_l / M2
+    g_V = q_V + weight * (q_V * flow + q_end + q_end * flow * (K + g) / y)
+    g_l = q_l + G3 + weight * (q_l * flow + q_end * N)
     determinant = f_V * g_l - f_l * g_V
     # by the trial pressure, the trial shear stress, and the density ratio that determines pc
-    f_p, g_p = 2 * y + 2 * q * slope / M2, slope + weight * (slope * flow - q * flow / y)
-    rate, shift = rates
-    f_x, g_x = -2 * (shift * y + rate * a), weight * q * flow * shift / y
+    f_p, g_p = 2 * y + 2 * q_end * slope / M2, slope + weight * (slope * flow - q_end * flow / y)
+    f_x, g_x = -2 * (shift * y + rate * a), weight * q_end * flow * shift / y
     V_p, l_p = (-f_p * g_l + f_l * g_p) / determinant, (-f_V * g_p + g_V * f_p) / determinant
     V_q, l_q = -f_l / determinant, f_V / determinant
     V_x, l_x = (-f_x * g_l + f_l * g_x) / determinant, (-f_V * g_x + g_V * f_x) / determinant
-    return V_p, V_q, slope + q_V * V_p + q_l * l_p, q_V * V_q + q_l * l_q, V_x, q_V * V_x + q_l * l_x
+    by_p, by_q, by_x = slope + q_V * V_p + q_l * l_p, q_V * V_q + q_l * l_q, q_V * V_x + q_l * l_x
+    result = _result(law, (p, q, k, densest), (V, P - law.pt, q_end), (V_p, V_q, by_p, by_q, V_x, by_x), hardens)
+    return (iterations, *result[1:])

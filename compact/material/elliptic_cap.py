@@ -370,9 +370,27 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     scale *= end_a / N
     q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
+    # slopes by the implicit derivatives of V = 2 m r y and f = 0: at constant V and m, let f/2 change by f' and
+    # V - 2 m r y by t; then V' = (2 r y f' + Q t)/D and m' = (along f' - E t)/D
+    a, M2 = end_a, law.M**2
+    along, E, Q = 1 + 2 * r * m * (law.K + g), r * y * (law.K + g) + a * h, b * (q / law.M) ** 2 * scale
+    D = along * Q + 2 * r * y * E
+    by_m = -scale * scale * b  # d scale/dm
+    # by the trial state: f' = r y p' + 1.5 (scale/M)^2 s', t = 2 m r p'
+    f_s = 1.5 * scale * scale / M2
+    V_p, V_s = 2 * r * (r * y * y + m * Q) / D, 2 * r * y * f_s / D
+    scale_p, scale_s = by_m * r * (y - 2 * m * a * h) / D, by_m * along * f_s / D
     hardens = saturated or not law.flat or onset < V
-    rates = (h, g) if hardens else (rate, shift)
-    slopes = _slopes(law, (y, end_a, h, g, m, scale), r, q, rates, hardens)
+    if hardens:
+        rate, shift = h, g  # of a and c by the logarithm of the density ratio that determines them
+    if r == 1.0:  # c moves too
+        f, t = -shift * y - rate * a, -2 * m * shift
+    else:  # r is proportional to a^2
+        f, t = rate * (r * y * y / a - a), 4 * m * r * y * rate / a
+    V_x, scale_x = (2 * r * y * f + Q * t) / D, by_m * (along * f - E * t) / D
+    slopes = (V_p, V_s, 0.0, V_x, scale_p, scale_s, 0.0, scale_x)
+    if hardens:
+        slopes = (V_p, V_s, V_x, 0.0, scale_p, scale_s, scale_x, 0.0)
     return iterations, p, scale, k, densest, work, x * (law.K / K), slopes
 
 
@@ -442,34 +460,3 @@ def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[flo
         pc_end, H = hardening(law, end)
         total = pc_end - pc
     return total, H_share * H, u_rise, U
-
-
-@internal
-def _slopes(law, solution, r, q, rates, hardens):
-    """Return the slopes of `return_map` by the implicit derivatives of V = 2 m r y and f = 0.
-
-    `rates` are the derivatives of a and c by the logarithm of the density ratio that determines them.
-
-    At constant V and m, let f/2 change by f' and V - 2 m r y by t. The solution then changes by
-
-        V' = (2 r y f' + Q t)/D,    m' = (along f' - E t)/D
-    """
-    y, a, h, g, m, scale = solution
-    K, M2 = law.K, law.M**2
-    b = 6 * law.G / M2
-    along, E, Q = 1 + 2 * r * m * (K + g), r * y * (K + g) + a * h, b * (q / law.M) ** 2 * scale
-    D = along * Q + 2 * r * y * E
-    by_m = -scale * scale * b  # d scale/dm
-    # by the trial state: f' = r y p' + 1.5 (scale/M)^2 s', t = 2 m r p'
-    f_s = 1.5 * scale * scale / M2
-    V_p, V_s = 2 * r * (r * y * y + m * Q) / D, 2 * r * y * f_s / D
-    scale_p, scale_s = by_m * r * (y - 2 * m * a * h) / D, by_m * along * f_s / D
-    rate, shift = rates
-    if r == 1.0:  # c moves too
-        f, t = -shift * y - rate * a, -2 * m * shift
-    else:  # r is proportional to a^2
-        f, t = rate * (r * y * y / a - a), 4 * m * r * y * rate / a
-    V_x, scale_x = (2 * r * y * f + Q * t) / D, by_m * (along * f - E * t) / D
-    if hardens:
-        return V_p, V_s, V_x, 0.0, scale_p, scale_s, scale_x, 0.0
-    return V_p, V_s, 0.0, V_x, scale_p, scale_s, 0.0, scale_x

@@ -17,7 +17,7 @@ J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 18 (trus
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
 from typing import ClassVar
 
@@ -145,14 +145,21 @@ def optimise(
     validation.require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")
-    if pieces is not None:
-        validation.require_integers(pieces=pieces)
-        validation.require_between(1, PIECES_LIMIT, pieces=pieces)
+    limits = limits or Limits()
+    if pieces is None:
+        most = CAM_PIECES if limits.cam else PIECES_LIMIT
+        pieces = min(PIECES_BY_SMOOTHNESS[limits.continuous], most)
+    validation.require_integers(pieces=pieces)
+    validation.require_between(1, PIECES_LIMIT, pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         validation.require_opposing(one, stroke / duration, directions=(1.0,))
-    find = partial(_find_optimal_law, limits or Limits(), float(stroke), float(duration), pieces, weights, float(mass))
-    return find(resistances, tuple(find((one,)).value for one in resistances) if regret else ())
+    laws = ConstraintSet(limits, spline_space_for(limits, pieces), float(stroke), float(duration))
+    problem = OptimisationProblem(laws, weights, float(mass), resistances)
+    if regret:
+        alone = (_find_optimal_law(replace(problem, resistances=(one,)), pieces) for one in resistances)
+        problem = replace(problem, minima=tuple(law.value for law in alone))
+    return _find_optimal_law(problem, pieces)
 
 
 def optimal_law_name(objectives: Iterable[str]) -> str:
@@ -335,27 +342,13 @@ def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
     return max(0.0, (value - solve_linearised(problem, unknowns, models, with_curvature=False)[1]) / abs(value))
 
 
-def _find_optimal_law(
-    limits: Limits,
-    stroke: float,
-    duration: float,
-    pieces: int | None,
-    weights: Mapping[str, float],
-    mass: float,
-    resistances: tuple[Resistance, ...],
-    minima: tuple[float, ...] = (),
-) -> OptimalMotion:
+def _find_optimal_law(problem: OptimisationProblem, pieces: int) -> OptimalMotion:
     """Find the law that minimises a criterion, first on few pieces, which are then halved."""
-    if pieces is None:
-        pieces = PIECES_BY_SMOOTHNESS[limits.continuous]
-        if limits.cam:
-            pieces = min(pieces, CAM_PIECES)
-    rounds, curve, steps = max(0, int(np.log2(pieces / COARSEST_PIECES))), None, 0
+    laws, curve, steps = problem.constraints, None, 0
+    rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
     for halvings in range(rounds + 1):
-        space = spline_space_for(limits, pieces >> rounds, halvings)
-        problem = OptimisationProblem(
-            ConstraintSet(limits, space, stroke, duration), weights, mass, resistances, minima
-        )
+        space = spline_space_for(laws.limits, pieces >> rounds, halvings)
+        problem = replace(problem, constraints=replace(laws, space=space))
         try:
             start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
         except InfeasibleError:
@@ -382,4 +375,5 @@ def _find_optimal_law(
             f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
             f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
         )
-    return OptimalMotion(optimal_law_name(weights), stroke, duration, space.curve(unknowns), False, value, gap, steps)
+    name, curve = optimal_law_name(problem.weights), space.curve(unknowns)
+    return OptimalMotion(name, laws.stroke, laws.duration, curve, False, value, gap, steps)

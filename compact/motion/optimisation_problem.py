@@ -37,13 +37,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.interpolate import BPoly, PPoly
 
-from compact.motion.limits import (
-    BOUNDED_DERIVATIVES,
-    VIOLATION_TOLERANCE,
-    Conflict,
-    InfeasibleError,
-    Limits,
-)
+from compact.motion.limits import BOUNDED_DERIVATIVES, VIOLATION_TOLERANCE, Conflict, InfeasibleError, Limits
 from compact.numerics import Array
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 

@@ -187,7 +187,7 @@ class MotionProfile(TravelDerivatives):
     @cached_property
     def _peaks(self):
         largest = (np.abs(self.curve(extremum_candidates(self.curve, k), nu=k)).max() for k in range(1, 5))
-        return Peaks(*(float(self._scale(k + 1) * peak) for k, peak in enumerate(largest)))
+        return Peaks(*(float(self._scale(k) * peak) for k, peak in enumerate(largest, start=1)))
 
     def discontinuities(self, end_condition: EndCondition = "reversal") -> tuple[Discontinuity, ...]:
         """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.

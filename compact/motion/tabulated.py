@@ -71,7 +71,15 @@ def from_table(time: ArrayLike, position: ArrayLike, name: str = "table") -> Tab
     >>> f"largest velocity {m.peaks().velocity:.3f} m/s, rows within {m.scatter * 1e6:.0f} um"
     'largest velocity 0.250 m/s, rows within 32 um'
     """
-    time, position = _valid_table(time, position)
+    time, position = (np.asarray(as_numbers(*each), float) for each in (("time", time), ("position", position)))
+    if time.shape != position.shape or time.ndim != 1 or time.size < ROW_MINIMUM:
+        raise ValueError(
+            f"`time` and `position` must be columns of one length >= {ROW_MINIMUM}, "
+            f"got shapes {time.shape} and {position.shape}"
+        )
+    require_finite(time=time, position=position)
+    require_that(np.diff(time) > 0, time[1:], "`time` must increase, got")
+    require_that(position[-1] > position[0], position[-1], "`position` must end above its start, got")
     duration, stroke = time[-1] - time[0], position[-1] - position[0]
     z, s = (time - time[0]) / duration, (position - position[0]) / stroke
     intervals = min(INTERVAL_LIMIT, len(z) // 3)
@@ -120,20 +128,6 @@ def from_function(position: Callable[[Array], ArrayLike], duration: float, name:
             f"{FUNCTION_TOLERANCE:g}: `position` must be smooth, and begin and end at rest"
         )
     return found
-
-
-def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:
-    """Time and position as arrays, or ValueError."""
-    time, position = (np.asarray(as_numbers(*each), float) for each in (("time", time), ("position", position)))
-    if time.shape != position.shape or time.ndim != 1 or time.size < ROW_MINIMUM:
-        raise ValueError(
-            f"`time` and `position` must be columns of one length >= {ROW_MINIMUM}, "
-            f"got shapes {time.shape} and {position.shape}"
-        )
-    require_finite(time=time, position=position)
-    require_that(np.diff(time) > 0, time[1:], "`time` must increase, got")
-    require_that(position[-1] > position[0], position[-1], "`position` must end above its start, got")
-    return time, position
 
 
 def _fit(basis: Array, s: Array) -> tuple[Array, float]:

@@ -58,7 +58,7 @@ from compact.engines.fem import engine as fem
 from compact.engines.spectral import engine as spectral
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.mesh import RowMesh
+from compact.mesh import RowMesh, geometric
 from compact.numerics import Array
 from compact.rolling_contact import Contact, Layer, Roller
 from compact.validation.case import Computed, Panel, Rows, numbers, ours, read_rows, theirs
@@ -219,8 +219,8 @@ def indenter_pressure(elements: int, steps: int) -> tuple[Array, Array]:
     """
     size = 0.5 / elements
     inner = np.linspace(0, UNIFORM, round(UNIFORM / size) + 1)
-    x = np.concatenate([inner, UNIFORM + _graded(REACH, size)])
-    y = np.concatenate([-_graded(UNIFORM + DEPTH_SHARE * REACH, size)[::-1], [0.0]])
+    x = np.concatenate([inner, UNIFORM + geometric(REACH, size, GROWTH, REACH)])
+    y = np.concatenate([-geometric(UNIFORM + DEPTH_SHARE * REACH, size, GROWTH, REACH)[::-1], [0.0]])
     y -= y[0]
     mesh = RowMesh(np.tile(x, (len(y), 1)), y)
     nodes = FiniteStrainSolid(mesh, MIX).basis.doflocs.T
@@ -238,14 +238,6 @@ def indenter_pressure(elements: int, steps: int) -> tuple[Array, Array]:
         change = CONTINUATION * (state.displacement - before)
         found.append(-forces.ravel()[moving].sum() / 0.5)
     return settlement[1:], np.array(found) / shear_strength(MIX)
-
-
-def _graded(length: float, first: float) -> Array:
-    """Return coordinates up to a length whose intervals grow from the first."""
-    sizes = [first]
-    while sum(sizes) < length:
-        sizes.append(sizes[-1] * GROWTH)
-    return np.cumsum(sizes) * length / sum(sizes)
 
 
 def solve_increment(
