@@ -180,8 +180,13 @@ def graded_mesh(
     outward = geometric(reach * height, first, growth, MAX_SIZE * height)
     right = np.concatenate([half_width - inward[::-1], [half_width], half_width + outward])
     right[0] = 0.0
-    y = _heights(levels, first, growth)
-    return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
+    lines, size = [height], first
+    for high, low in pairwise(levels[::-1]):
+        depth = geometric(high - low, min(size, (high - low) / 2), growth, MAX_SIZE * height)
+        lines += (high - depth).tolist()
+        lines[-1] = low
+        size = growth * (lines[-2] - low)
+    return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(lines), 1)), lines[::-1])
 
 
 def elements_for(error: float) -> int:
@@ -223,17 +228,6 @@ def read_mesh(path: str | Path) -> RowMesh:
         if np.array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)]):
             return mesh
     raise ValueError(f"{path}: the elements must fill straight rows without gap or overlap")
-
-
-def _heights(levels: Array, first: float, growth: float) -> Array:
-    """Heights of lines whose distance grows downwards, all levels included."""
-    lines, size = [levels[-1]], first
-    for high, low in pairwise(levels[::-1]):
-        depth = geometric(high - low, min(size, (high - low) / 2), growth, MAX_SIZE * levels[-1])
-        lines += (high - depth).tolist()
-        lines[-1] = low
-        size = growth * (lines[-2] - low)
-    return np.array(lines[::-1])
 
 
 def geometric(length: float, first: float, growth: float, largest: float) -> Array:

@@ -388,7 +388,10 @@ def sample_resistance(
         forces = np.array([samples[speed][0] for speed in speeds])
         require_finite(resistance=forces)
         errors = _cross_validation_errors(speeds, forces)
-        required = _refined_speeds(speeds, errors > tolerance, MIN_SPEED_RATIO * fastest)
+        inaccurate, between = errors > tolerance, np.sqrt(speeds[:-1] * speeds[1:])
+        required = between[inaccurate[:-1] | inaccurate[1:]].tolist()
+        if inaccurate[0] and speeds[0] > MIN_SPEED_RATIO * fastest:
+            required.append(float(speeds[0] / SPEED_REDUCTION))
         if not required:
             estimates = [error for _, error in samples.values() if error is not None]
             return ResistanceMap(speeds, forces, float(errors.max()), max(estimates, default=None))
@@ -410,13 +413,6 @@ def _cross_validation_errors(speeds: Array, forces: Array) -> Array:
             predicted = rest[0] * (speeds[0] / others[0]) ** _power_law_exponent(others, rest)
         errors[k] = abs(predicted - forces[k])
     return errors / max(np.abs(forces).max(), np.finfo(float).tiny)
-
-
-def _refined_speeds(speeds: Array, inaccurate: BoolArray, slowest: float) -> list[float]:
-    """Speeds between each inaccurate sample and its neighbours; a slower one below an inaccurate slowest sample."""
-    between = np.sqrt(speeds[:-1] * speeds[1:])
-    refined = between[inaccurate[:-1] | inaccurate[1:]].tolist()
-    return [float(speeds[0] / SPEED_REDUCTION), *refined] if inaccurate[0] and speeds[0] > slowest else refined
 
 
 def _monotone_spline(speeds: Array, values: Array) -> CubicHermiteSpline:

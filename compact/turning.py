@@ -153,10 +153,10 @@ class _Table:
         return np.interp(travel, self.travel, self.share)
 
 
-def wave_share(
+def wave_shares(
     contact_length: float, depth: float, bow_wave: float, edge_distance: float, thickness: float | None = None
-) -> Share:
-    """Share of the force of a compacting contact that builds up its bow wave after a turn.
+) -> tuple[Share, Share]:
+    """Shares of the force and of the load of a compacting contact that builds up its bow wave after a turn.
 
         x = (s - d)/a,   f = max(track, min(1, 2 x) [1 - B exp(-max(0, x - 0.5)/lambda)])
         B = w/(depth + w),   lambda = 5 (w/depth)^0.75,   r = 0.014 a (1 - B)^0.75
@@ -166,7 +166,10 @@ def wave_share(
         f = max(track, (2 u - u^2)^2 [1 - B exp(-max(0, x - 0.9)/lambda)]),   u = min(1, x/0.9)
         lambda (4.5 t/a)^0.75,   r a/(4.5 t)
 
-    Between a/t of 1 and 4.5 both are mixed in proportion.
+    Between a/t of 1 and 4.5 both are mixed in proportion. For the load
+
+        1 - B = sqrt(depth/(depth + w)),   lambda = 0.8 of that of the force,   a quarter on the own track;
+        2 u - u^2 without a square on a film
 
     Parameters
     ----------
@@ -181,10 +184,6 @@ def wave_share(
     thickness : float
         t of the fresh mix on a dense lift [m], > 0; without one it is a thick layer.
 
-    Returns
-    -------
-    Share
-
     Notes
     -----
     Fitted to histories of force of `simulate_reciprocating` for bow waves of 0.25 to 1.9 depths; others, of 0.7 to 2.5
@@ -192,63 +191,53 @@ def wave_share(
 
     Examples
     --------
-    >>> share = wave_share(contact_length=0.026, depth=2.1e-3, bow_wave=2.54e-3, edge_distance=0.110)
+    >>> share, _ = wave_shares(contact_length=0.026, depth=2.1e-3, bow_wave=2.54e-3, edge_distance=0.110)
     >>> print(*(f"{share(travel):.2f}" for travel in (0.05, 0.0972, 0.105, 0.2, 0.5)))
     0.02 0.45 0.48 0.72 0.96
     """
-    powers = 1.0, FILM_POWER
-    return _wave(contact_length, depth, bow_wave, edge_distance, thickness, powers, TRACK, WAVE_LENGTH)
-
-
-def wave_load_share(
-    contact_length: float, depth: float, bow_wave: float, edge_distance: float, thickness: float | None = None
-) -> Share:
-    """Share of the load of a compacting contact, with the arguments of `wave_share`.
-
-    1 - B = sqrt(depth/(depth + w)),   lambda = 0.8 of that of the force,   a quarter on the own track;
-    2 u - u^2 without a square on a film
-    """
-    powers, build_up = (0.5, FILM_LOAD_POWER), LOAD_WAVE_LENGTH * WAVE_LENGTH
-    return _wave(contact_length, depth, bow_wave, edge_distance, thickness, powers, LOAD_TRACK, build_up)
-
-
-def _wave(contact_length, depth, bow_wave, edge_distance, thickness, powers, track, build_up):
-    require_positive(
-        contact_length=contact_length, depth=depth, **({} if thickness is None else {"thickness": thickness})
-    )
+    require_positive(contact_length=contact_length, depth=depth, thickness=1.0 if thickness is None else thickness)
     require_nonnegative(bow_wave=bow_wave, edge_distance=edge_distance)
     length, ratio, slenderness = contact_length, bow_wave / depth, contact_length / (thickness or math.inf)
     film, beyond = min(max((slenderness - 1) / (FILM - 1), 0.0), 1.0), max(slenderness / FILM, 1.0)
-    part = -math.expm1(-powers[0] * math.log1p(ratio))  # 1 - (depth/(depth + w))^exponent
-    build_up *= (ratio / beyond) ** WAVE_EXPONENT
-    wave = _Wave(length, max(0.0, edge_distance - length), part, build_up, track, film, powers[1])
+    stretch = WAVE_LENGTH * (ratio / beyond) ** WAVE_EXPONENT
     release = RELEASE * length * (1 + ratio) ** -RELEASE_EXPONENT * beyond
-    return Share(wave, track, wave.travels(), wave.distance, release)
+    distance = max(0.0, edge_distance - length)
+
+    def share(exponent: float, power: float, track: float, build_up: float) -> Share:
+        part = -math.expm1(-exponent * math.log1p(ratio))  # 1 - (depth/(depth + w))^exponent
+        wave = _Wave(length, distance, part, build_up, track, film, power)
+        return Share(wave, track, wave.travels(), distance, release)
+
+    force = share(1.0, FILM_POWER, TRACK, stretch)
+    return force, share(0.5, FILM_LOAD_POWER, LOAD_TRACK, LOAD_WAVE_LENGTH * stretch)
 
 
-def with_standing_drag(share: Callable[[float], Share], part: float, edge_distance: float) -> Share:
-    """Share of a force of which a part does not build up after a turn, the drag of sleeves and plate.
+def with_standing_drag(
+    shares: Callable[[float], tuple[Share, Share]], part: float, edge_distance: float
+) -> tuple[Share, Share]:
+    """Shares of force and load, of which a part of the force does not build up after a turn, as of sleeves and plate.
 
         f = part + (1 - part) f_mix
 
     Parameters
     ----------
-    share : callable
-        Share of the mix over the distance to its fresh edge [m].
+    shares : callable
+        Shares of the mix over the distance to its fresh edge [m].
     part : float
         Part of the drag in the steady force [-], in [0, 1].
     edge_distance : float
         Distance [m].
     """
     require_between(0, 1, part=part)
-    mix = share(edge_distance)
-    return replace(mix, standing=part, track=part + (1 - part) * mix.track)
+    force, load = shares(edge_distance)
+    return replace(force, standing=part, track=part + (1 - part) * force.track), load
 
 
-def imprint_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
-    """Share of the force of a contact without bow wave, which grows into fresh mix as its own imprint.
+def imprint_shares(contact_length: float, exponent: float, edge_distance: float) -> tuple[Share, Share]:
+    """Shares of force and load of a contact without bow wave, which grows into fresh mix as its own imprint.
 
-        f = max(track, (2 u - u^2)^(n + 1)),   u = (s - D)/a + 1,   p ~ depth^n
+        force   f = max(track, (2 u - u^2)^(n + 1)),   u = (s - D)/a + 1,   p ~ depth^n
+        load    f = max(track, int_(1-u)^1 (1 - x^2)^n dx / int_0^1 (1 - x^2)^n dx),   a quarter on the own track
 
     Parameters
     ----------
@@ -259,33 +248,20 @@ def imprint_share(contact_length: float, exponent: float, edge_distance: float) 
     edge_distance : float
         D [m] from the axle back to the edge of fresh mix at the turn, >= 0; the contact is complete at s = D.
 
-    Returns
-    -------
-    Share
-
     Examples
     --------
-    >>> share = imprint_share(contact_length=0.04, exponent=1.0, edge_distance=0.110)
+    >>> share, _ = imprint_shares(contact_length=0.04, exponent=1.0, edge_distance=0.110)
     >>> print(*(f"{share(travel):.4f}" for travel in (0.05, 0.09, 0.110)))
     0.0200 0.5625 1.0000
     """
-    return _imprint(contact_length, exponent, edge_distance, TRACK, of_load=False)
-
-
-def imprint_load_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
-    """Share of the load of a contact without bow wave, with the arguments of `imprint_share`.
-
-    f = max(track, int_(1-u)^1 (1 - x^2)^n dx / int_0^1 (1 - x^2)^n dx),   a quarter on the own track
-    """
-    return _imprint(contact_length, exponent, edge_distance, LOAD_TRACK, of_load=True)
-
-
-def _imprint(contact_length, exponent, edge_distance, track, of_load):
     require_positive(contact_length=contact_length)
     require_nonnegative(exponent=exponent, edge_distance=edge_distance)
-    imprint = _Imprint(contact_length, edge_distance, exponent + 1, track, of_load)
-    distance = max(0.0, edge_distance - contact_length)
-    return Share(imprint, track, imprint.travels(), distance, RELEASE * contact_length)
+    force, load = (
+        _Imprint(contact_length, edge_distance, exponent + 1, track, of_load)
+        for track, of_load in ((TRACK, False), (LOAD_TRACK, True))
+    )
+    lengths = max(0.0, edge_distance - contact_length), RELEASE * contact_length
+    return Share(force, TRACK, force.travels(), *lengths), Share(load, LOAD_TRACK, load.travels(), *lengths)
 
 
 def table_share(

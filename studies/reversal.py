@@ -112,7 +112,7 @@ def shares(found, values):
     """Return the shares of force and load by the formulas of `turning` with values of `CONSTANTS`."""
     contact = 1.0, 1.0, found.wave, found.edge, found.thickness
     with patch.multiple(turning, **dict(zip(CONSTANTS, values, strict=True))):
-        return [share(*contact)(found.x + found.edge - 1) for share in (turning.wave_share, turning.wave_load_share)]
+        return [share(found.x + found.edge - 1) for share in turning.wave_shares(*contact)]
 
 
 def residuals(found, values):

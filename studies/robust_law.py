@@ -15,7 +15,7 @@ from compact.machine.cart import Cart
 from compact.motion.limits import Limits
 from compact.report.progress import tracked
 from compact.resistance import DryResistance
-from compact.turning import StrokeResistance, wave_load_share, wave_share
+from compact.turning import StrokeResistance, wave_shares
 
 STROKE, DURATION, JERK = 0.4, 0.889, 200.0  # [m], [s], [m/s3]
 STIFFNESS, DAMPING_RATIO = (3e5, 1e7), (0.02, 0.2)  # [N/m], [-]
@@ -99,7 +99,7 @@ def _row(case, effort):
 def _resistance(force, edge, lift):
     """Resistance along the stroke for a force over `FORCE` and a distance of fresh mix [m]."""
     contact = (*lift, edge)
-    share, load = wave_share(*contact), wave_load_share(*contact)
+    share, load = wave_shares(*contact)
     return StrokeResistance(DryResistance(force * FORCE), share, share, load, load)
 
 

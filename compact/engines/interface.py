@@ -24,8 +24,8 @@ if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
     from compact.turning import Share
 
-# share of the force and of the load over the travel since a turn, each of the distance D to fresh mix [m]
-Turning = tuple[Callable[[float], "Share"], Callable[[float], "Share"]]
+# shares of the force and of the load over the travel since a turn, of the distance D to fresh mix [m]
+Turning = Callable[[float], "tuple[Share, Share]"]
 Takes = Literal["half-plane", "linear layer", "compacting layer", "process"]
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
 AFFORDABLE = 0.1  # [s], processor time of a contact of which hundreds may be computed, as a sensitivity needs
@@ -51,8 +51,7 @@ def shares_of(kind: str, *shape: float, **film: float | None) -> Turning:
     """Return the shares of force and load of a contact, a "wave" or an "imprint" of a shape, see `compact.turning`."""
     from compact import turning
 
-    force, load = getattr(turning, f"{kind}_share"), getattr(turning, f"{kind}_load_share")
-    return partial(force, *shape, **film), partial(load, *shape, **film)
+    return partial(getattr(turning, f"{kind}_shares"), *shape, **film)
 
 
 @dataclass(frozen=True)

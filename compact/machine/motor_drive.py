@@ -13,7 +13,7 @@ friction holds the carts: a motor that is too weak for carts away from a dead ce
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -371,9 +371,11 @@ def simulate_acceleration_phase(periodic: MotorRun) -> AccelerationPhase:
     motor, load, target, breaks = periodic.drive, periodic.load, periodic.speed[0], periodic.load.breaks()
     first = _first_instant(motor, load)
     parts = [(np.zeros(1),) * 3, tuple(np.array([value]) for value in first)]
-    works = np.zeros(2)
+    # sections of the first revolution are graded to the first break, since the energy grows by decades
+    edges = first[1] * GRADING ** np.arange(math.floor(math.log(breaks[1] / first[1], GRADING)))
+    works, sections = np.zeros(2), list(map(np.array, pairwise([*edges, *breaks[1:]])))
     for revolution in range(MAX_REVOLUTIONS):
-        for section in [breaks] if revolution else _graded_sections(first[1], breaks):
+        for section in [breaks] if revolution else sections:
             solution = solve_shaft_speed(partial(motor.residual, load), section, parts[-1][2][-1], periodic=False)
             run = replace(periodic, revolution=solution)
             run.require_no_slip()
@@ -389,12 +391,6 @@ def simulate_acceleration_phase(periodic: MotorRun) -> AccelerationPhase:
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
     residual = abs(works[0] - works[1] - motor.inertia * speed[-1] ** 2 / 2) / works[0]
     return AccelerationPhase(time, angle, speed, revolution + 1, float(residual))
-
-
-def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
-    """Split the first revolution into sections, graded to the first break, since the energy grows by decades."""
-    edges = first * GRADING ** np.arange(math.floor(math.log(breaks[1] / first, GRADING)))
-    yield from map(np.array, pairwise([*edges, *breaks[1:]]))
 
 
 def _first_instant(motor: Motor, load: CartsOnShaft) -> tuple[float, float, float]:

@@ -67,7 +67,7 @@ def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
 
 @pytest.mark.slow
 def test_old_force_lets_go_along_the_motion_within_the_release(reversal, shallow):
-    share = turning.wave_share(1.0, 1.0, shallow.wave, shallow.edge)
+    share = turning.wave_shares(1.0, 1.0, shallow.wave, shallow.edge)[0]
     assert shallow.force[0] < -0.3
     assert reversal.release(shallow) == pytest.approx(share.release, rel=0.15)
 
@@ -80,7 +80,7 @@ def test_old_front_is_met_where_it_was_left(reversal):
     """
     front = reversal.STEADY
     found = reversal.run("published", (0, front, front - 0.3, front - 0.015, front - 0.025, front + 0.3), 13 / 3, 6)
-    beyond, share = found.x - front, turning.wave_share(1.0, 1.0, found.wave, 13 / 3)
+    beyond, share = found.x - front, turning.wave_shares(1.0, 1.0, found.wave, 13 / 3)[0]
     track = (found.stroke == 3) & (beyond < -0.05)
     assert np.abs(found.force[track]).max() < 0.03
     last = found.stroke == 5
@@ -98,7 +98,7 @@ def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, f
     found, length, depth = request.getfixturevalue(fixture), length_of(reversal, name), reversal.CASES[name].depth
     thickness = found.thickness and found.thickness * length
     contact = length, depth, found.wave * depth, found.edge * length, thickness
-    formula = turning.wave_share(*contact), turning.wave_load_share(*contact)
+    formula = turning.wave_shares(*contact)
     travel = (found.x + found.edge - 1) * length
     middle, table = (travel[1:] + travel[:-1]) / 2, []  # of neighbouring steps, between which the mesh alternates
     inside = middle > JOIN * length

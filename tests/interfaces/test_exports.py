@@ -23,7 +23,7 @@ from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fm
 from compact.motion import law
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
-from compact.turning import StrokeResistance, wave_load_share, wave_share
+from compact.turning import StrokeResistance, wave_shares
 
 SMALL = "compact/data/scenes/small.toml"
 REFERENCE = {each.name: number for number, each in enumerate(VARIABLES)}
@@ -138,7 +138,7 @@ def test_cart_that_stops_within_a_step_moves_on_in_the_rest_of_it(model, tmp_pat
 
 def along_stroke(resistance):
     near, far = (0.02, 2e-3, 2e-3, 0.110), (0.02, 2e-3, 1e-3, 0.154)
-    shares = wave_share(*near), wave_share(*far), wave_load_share(*near), wave_load_share(*far)
+    shares = [share for pair in zip(wave_shares(*near), wave_shares(*far), strict=True) for share in pair]
     return StrokeResistance(resistance, *shares)
 
 

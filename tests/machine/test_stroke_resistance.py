@@ -10,6 +10,7 @@ import pytest
 from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, published_law
 from published import CART_OF_C
 
+from compact import turning
 from compact.drive import Crank, Rigid, simulate
 from compact.machine import elastic_motion
 from compact.machine.crankshaft import simulate_crankshaft
@@ -19,14 +20,7 @@ from compact.machine.motor_drive import Motor
 from compact.motion.laws import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import dry_resistance, tabulated_resistance
-from compact.turning import (
-    StrokeResistance,
-    imprint_load_share,
-    imprint_share,
-    table_share,
-    wave_load_share,
-    wave_share,
-)
+from compact.turning import StrokeResistance, table_share
 
 LENGTH, DEPTH = 0.0215, 2.1e-3  # of the contact [m]
 STROKE, DURATION = 0.4, 0.889
@@ -35,11 +29,11 @@ MAP = tabulated_resistance((0.01, 0.1, 0.4, 2.0), (2.2e3, 3.0e3, 3.3e3, 3.4e3), 
 
 
 def wave(edge, bow_wave=1.21 * DEPTH):
-    return wave_share(LENGTH, DEPTH, bow_wave, edge), wave_load_share(LENGTH, DEPTH, bow_wave, edge)
+    return turning.wave_shares(LENGTH, DEPTH, bow_wave, edge)
 
 
 def imprint(edge, exponent=0.7):
-    return imprint_share(LENGTH, exponent, edge), imprint_load_share(LENGTH, exponent, edge)
+    return turning.imprint_shares(LENGTH, exponent, edge)
 
 
 def table(*rows):

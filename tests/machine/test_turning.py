@@ -6,27 +6,20 @@ import mpmath
 import numpy as np
 import pytest
 
+from compact import turning
 from compact.resistance import dry_resistance
-from compact.turning import (
-    RELEASED,
-    StrokeResistance,
-    imprint_load_share,
-    imprint_share,
-    table_share,
-    wave_load_share,
-    wave_share,
-)
+from compact.turning import RELEASED, StrokeResistance, table_share
 
 LENGTH, DEPTH, WAVE, EDGE = 0.026, 2.1e-3, 1.21 * 2.1e-3, 0.110
 STROKE = 0.4
 
 
 def wave_shares(wave=WAVE, edge=EDGE):
-    return wave_share(LENGTH, DEPTH, wave, edge), wave_load_share(LENGTH, DEPTH, wave, edge)
+    return turning.wave_shares(LENGTH, DEPTH, wave, edge)
 
 
 def imprint_shares(exponent=0.7, edge=EDGE):
-    return imprint_share(LENGTH, exponent, edge), imprint_load_share(LENGTH, exponent, edge)
+    return turning.imprint_shares(LENGTH, exponent, edge)
 
 
 def along_stroke(force, load, resistance=None):
@@ -133,7 +126,7 @@ def test_neither_force_nor_load_jumps_at_a_turn(shares, stroke):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: wave_share(0.0, DEPTH, WAVE, EDGE), "`contact_length` must be positive and finite, got 0.0"),
+        (lambda: turning.wave_shares(0.0, DEPTH, WAVE, EDGE), "`contact_length` must be positive and finite, got 0.0"),
         (lambda: table_share((0.0, 0.1), (0.0, 1.2)), "`share` must be between 0 and 1, got"),
         (lambda: table_share((0.1, 0.1), (0.0, 1.0)), "`travel` must ascend, got"),
         (lambda: table_share((0.1,), (0.0, 1.0)), "`travel` and `share` must be columns of one length, got"),

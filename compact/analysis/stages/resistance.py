@@ -97,8 +97,7 @@ class ResistanceStage:
         if turn == "step" or self._given is not None:
             return None
         if not isinstance(turn, str):
-            share = partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
-            return share, share
+            return partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
         with warnings.catch_warnings(action="ignore"):  # the shares need edges and exponent of the contact alone
             near = self.contacts.mean_record
         scene = self.scene
@@ -108,7 +107,7 @@ class ResistanceStage:
         drag = self.contacts.sleeve_drag
         if found is None or not drag:
             return found
-        return partial(with_standing_drag, found[0], drag / float(self.map(scene.mean_speed))), found[1]
+        return partial(with_standing_drag, found, drag / float(self.map(scene.mean_speed)))
 
     @cached_property
     def mean_share(self) -> float:
@@ -249,15 +248,15 @@ def along_stroke(steady: ResistanceLaw, turning: "Turning | None", distances: tu
     ----------
     steady : callable
         Resistance far from a turn [N].
-    turning : pair of callable or None
+    turning : callable or None
         Shares of force and load over the distance to fresh mix.
     distances : tuple of float
         That distance at the near end, from which the forward stroke starts, and at the far end [m].
     """
     if turning is None:
         return steady
-    force, load = turning
-    return StrokeResistance(steady, *map(force, distances), *map(load, distances))
+    forces, loads = zip(*map(turning, distances), strict=True)
+    return StrokeResistance(steady, *forces, *loads)
 
 
 def sampled_shares(law: ResistanceLaw, cart: Cart, motion: Motion) -> list[tuple[str, Array, Array, Array]]:
@@ -280,6 +279,6 @@ def sampled_shares(law: ResistanceLaw, cart: Cart, motion: Motion) -> list[tuple
     return found
 
 
-def _at_any_distance(share: Share, _: float) -> Share:
-    """Return a share that does not depend on the distance to fresh mix."""
-    return share
+def _at_any_distance(share: Share, _: float) -> tuple[Share, Share]:
+    """Return one share of force and load that does not depend on the distance to fresh mix."""
+    return share, share
