@@ -186,7 +186,7 @@ def graded_mesh(
         lines += (high - depth).tolist()
         lines[-1] = low
         size = growth * (lines[-2] - low)
-    return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(lines), 1)), lines[::-1])
+    return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(lines), 1)), np.array(lines[::-1]))
 
 
 def elements_for(error: float) -> int:
