@@ -26,7 +26,7 @@ J. C. Simo and T. J. R. Hughes, Computational Inelasticity, Springer 1998, chapt
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (hardening curve).
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class CapConstants(NamedTuple):
     offset: float
     porosity: float
     bias: float
-    elastic: tuple[float, float, float, float]
+    elastic: tuple[float, ...]
     span: float
     limit: float
     saturation: float
@@ -118,7 +118,7 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
         offset=offset,
         porosity=float((1 - law.loose_density_ratio) * np.exp(-HECKEL_MIN_PRESSURE - offset)),
         bias=float(law.tensile_offset),
-        elastic=cast(tuple[float, float, float, float], law.elastic_polynomial),
+        elastic=law.elastic_polynomial,
         span=float(1 / (law.heckel_slope * law.bulk_modulus)),
         limit=float(law.saturation_limit),
         saturation=float(law.saturation_modulus),

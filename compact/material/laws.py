@@ -95,8 +95,8 @@ class Viscoelastic(Elastic):
     Examples
     --------
     >>> mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
-    >>> mix.instant_modulus, abs(mix.complex_modulus(10.0))
-    (20000000.0, 15811388.300841896)
+    >>> abs(mix.complex_modulus(10.0))
+    15811388.300841896
     """
 
     branches: tuple[tuple[float, float], ...] = ()
@@ -108,11 +108,6 @@ class Viscoelastic(Elastic):
             raise ValueError(f"`branches` must be pairs (stiffness share, relaxation time), got {self.branches!r}")
         for share, time in self.branches:
             validation.require_positive(stiffness_share=share, relaxation_time=time)
-
-    @property
-    def instant_modulus(self) -> float:
-        """Instantaneous modulus E(0) = E (1 + sum of shares) [Pa]."""
-        return self.youngs_modulus * (1 + sum(share for share, _ in self.branches))
 
     def complex_modulus(self, frequency: float) -> complex:
         """Compute the complex modulus [Pa].

@@ -206,12 +206,12 @@ class OptimisationProblem:
     def _nodes_at(self, u: Array, weights: Array, extra: Sequence[float] = ()) -> QuadratureNodes:
         """Nodes at local coordinates of every piece, with their shares of its width as weights, and at extra phases."""
         space, stroke, duration = self.constraints.space, self.constraints.stroke, self.constraints.duration
-        place, speed, change = (
+        speed, change = (
             stroke / duration**k * np.concatenate([space.values(k, u), space.derivatives[k](np.array(extra))])
-            for k in range(3)
+            for k in (1, 2)
         )
         weights = np.append(np.outer(np.diff(space.breaks), weights), np.zeros(len(extra)))
-        return QuadratureNodes(place, speed, change, duration * weights, stroke / duration)
+        return QuadratureNodes(speed, change, duration * weights, stroke / duration)
 
     def peaks_between_nodes(self, unknowns: Array) -> tuple[float, ...]:
         """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.

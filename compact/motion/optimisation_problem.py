@@ -331,27 +331,22 @@ class ConstraintSet:
 
 
 class QuadratureNodes(NamedTuple):
-    """Nodes at which a law is evaluated: x, v and a are linear in the unknowns.
+    """Nodes at which a law is evaluated: v and a are linear in the unknowns.
 
     Attributes
     ----------
-    position, velocity, acceleration : ndarray, shape (nodes, unknowns)
-        Matrices that give x [m], v [m/s] and a [m/s^2] from the unknowns.
+    velocity, acceleration : ndarray, shape (nodes, unknowns)
+        Matrices that give v [m/s] and a [m/s^2] from the unknowns.
     weights : ndarray, shape (nodes,)
         Quadrature weights over one pass [s]; 0 for a node that is only checked for peaks.
     mean_velocity : float
         Stroke over duration [m/s].
     """
 
-    position: Array
     velocity: Array
     acceleration: Array
     weights: Array
     mean_velocity: float
-
-    def travel(self, unknowns: Array) -> tuple[Array, ...]:
-        """Return x, v and a of a law at the nodes."""
-        return tuple(rows @ unknowns for rows in self[:3])
 
 
 class MotionState(NamedTuple):
