@@ -22,10 +22,9 @@ SMALL = mesh.graded_mesh(0.22, 0.02, 4)
 # (a) closed forms
 
 
-@pytest.mark.parametrize("behind", [0, 1])
 @pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_symmetry_of_a_mirrored_mesh_gives_the_full_compliance(base, behind, monkeypatch):
-    task = SMALL, 0.3, Layer(0.22, base=base), 0.03, True, behind
+def test_symmetry_of_a_mirrored_mesh_gives_the_full_compliance(base, monkeypatch):
+    task = SMALL, 0.3, Layer(0.22, base=base), 0.03, True
     half = compliance.surface_compliance(*task).response
     monkeypatch.setattr(mesh.RowMesh, "mirrored", False)
     full = compliance.surface_compliance.__wrapped__(*task).response
@@ -68,25 +67,24 @@ def test_sliding_contact_is_that_of_galin(friction, speed):
     assert rolled.work_residual < 1e-4
 
 
-@pytest.mark.parametrize("length", [1e-6, 0.03, 1.0, 1e5, -0.5])
+@pytest.mark.parametrize("length", [1e-6, 0.03, 1.0, 1e5])
 def test_retardation_is_exact_for_a_parabola(length):
     corners = np.array([-1.0, -0.7, -0.2, 0.1, 1.0])
     x = np.sort(np.concatenate([corners, (corners[1:] + corners[:-1]) / 2]))
     z = compliance.retardation_operator(x, length) @ x**2
     start = 1.0
     steady = x**2 + 2 * length * x + 2 * length**2
-    at_start = start + 2 * length * np.sign(length) + 2 * length**2
-    exact = steady + (start - at_start) * np.exp(-(1 - np.sign(length) * x) / abs(length))
+    at_start = start + 2 * length + 2 * length**2
+    exact = steady + (start - at_start) * np.exp(-(1 - x) / length)
     assert z == pytest.approx(exact, abs=1e-12 * max(1, length**2))
 
 
-@pytest.mark.parametrize("length", [1e-6, 0.3, 1e4, -0.3])
+@pytest.mark.parametrize("length", [1e-6, 0.3, 1e4])
 def test_retardation_along_rows_is_exact_for_a_line(length):
     x = np.array([[-1.0, -0.3, 0.2, 1.0]])
     z = compliance.retarded_along_rows(x[..., None].copy(), x, length)[0, :, 0]
-    start = np.sign(length)
-    exact = x[0] + length - length * np.exp(-(1 - start * x[0]) / abs(length))
-    assert z == pytest.approx(exact, abs=1e-12 * max(1, abs(length)))
+    exact = x[0] + length - length * np.exp(-(1 - x[0]) / length)
+    assert z == pytest.approx(exact, abs=1e-12 * max(1, length))
 
 
 @cache

@@ -33,7 +33,7 @@ def doors(engine, layer, roller, material):
     elif engine in ("column", "spectral"):
         BUILT_IN[engine].require(layer, roller, SPEED)
     elif engine == "fem":
-        fem_engine.require_linear_range(layer, roller, material, SPEED, None, 0.01)
+        fem_engine.along_travel(layer, roller, material, SPEED, None, 0.01)
     else:
         compaction.require_compactable(layer, roller, material, SPEED)
 

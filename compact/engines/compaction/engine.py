@@ -136,7 +136,7 @@ def build_result(
     # one more step without strain corrects the stresses beyond the yield surface
     still = np.zeros((len(points.stress), 3))
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
-    yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
+    excess = np.abs(rest.stress - points.stress).max(axis=1)
     wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
     loaded = points.density_under_load(solid)
     result = CompactionContactResult(
@@ -164,7 +164,7 @@ def build_result(
         lower_density_ratio=None if lower is None else lower.density_ratio,
         mass_residual=max(float(np.abs(frame.mass_residuals(solution.state)).max()), *lost),
         equilibrium_residual=last.residual,
-        yield_residual=float((np.abs(rest.stress - points.stress).max(axis=1) / yield_pressure).max()),
+        yield_residual=float((excess / frame.solid.yield_pressure(points.max_density_ratio)).max()),
         overdense_work=_overdense_work(solution),
         solution=solution,
         layer=layer,
@@ -286,7 +286,8 @@ def roll(
         for elements, parts in refinements(numerics.increments):
             depth = target.initial_depth() if search is None else search.depth
             rolling = case.roller_at_rest(case.create_frame(depth, elements), parts)
-            search = SteadySearch(case, target, rolling, depth, 1.0 if parts == PARTS else COARSE_LEEWAY, search)
+            leeway = 1.0 if parts == PARTS else COARSE_LEEWAY
+            search = SteadySearch(case, target, rolling, depth, leeway=leeway, coarse=search)
             search.run()
         assert search is not None  # there is a refinement
         return _to_result(search)
@@ -403,14 +404,11 @@ def require_compactable(
     fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
     depth, height = roller.indentation, layer.height
     lower = layer.lower_lift if fed_layer is None else fed_layer.lower  # the depth includes its settlement
-    slips, filled = (
-        layer.base == "slip",
-        f"it would press mix fed at {fed_ratio:.6g} and {height!r} m beyond full density",
-    )
+    slips, filled = layer.base == "slip", f"mix fed at {fed_ratio:.6g} and {height!r} m beyond full density"
     limits = (
         (roller.profile != "parabola", roller.radius, "the axle would be below the mix in front"),
         (slips, MAX_ELONGATED_SHARE * height, "mix on a frictionless base leaves along the travel"),
-        (not slips and lower is None, height * (1 - fed_ratio), filled),
+        (not slips and lower is None, height * (1 - fed_ratio), f"it would press {filled}"),
     )
     for applies, limit, why in limits:
         if depth is not None and applies and depth >= limit:

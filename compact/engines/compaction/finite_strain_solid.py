@@ -27,6 +27,7 @@ from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics import Array, IntArray
 from compact.numerics.assembly import element_unknowns
+from compact.rolling_contact import EquilibriumError
 
 STRAIN_FROM_GRADIENT = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy)
 GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
@@ -113,6 +114,10 @@ class FiniteStrainSolid:
     def point_areas(self) -> Array:
         """Integration weights of the Gauss points in the reference configuration [m2], shape (n,)."""
         return self.basis.dx.ravel()
+
+    def yield_pressure(self, density_ratio: Array) -> Array:
+        """Return the yield pressure [Pa] at densest states [-]."""
+        return np.asarray(self.material.yield_pressure(density_ratio) * self.rate_factor)
 
     def undeformed_state(self) -> SolidState:
         """Return the state of fresh mix without stress and displacement."""
@@ -241,7 +246,7 @@ class FiniteStrainSolid:
 
         Raises
         ------
-        RuntimeError
+        EquilibriumError
             If the stiffness is singular.
         """
         nodal_numbers = self.equation_numbers[2 * np.asarray(nodes)[:, None] + np.arange(2)]
@@ -249,11 +254,10 @@ class FiniteStrainSolid:
         probe = np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)  # excites all modes
         product = sum(multiply_elements(*part, probe) for part in parts)
         solve = self._factorise_band(parts, np.float32)
-        if solve is not None and np.linalg.norm(solve(product) - probe, np.inf) < PROBE_TOLERANCE:
-            return solve
-        solve = self._factorise_band(parts, np.float64)
+        if solve is None or not np.linalg.norm(solve(product) - probe, np.inf) < PROBE_TOLERANCE:
+            solve = self._factorise_band(parts, np.float64)
         if solve is None:
-            raise RuntimeError("the stiffness of the layer is singular to working precision")
+            raise EquilibriumError("no equilibrium: the stiffness of the layer is singular to working precision")
         return solve
 
     def _factorise_band(self, parts, precision) -> LinearSolver | None:

@@ -21,7 +21,6 @@ from compact.engines.compaction.roller_contact import ContactForces, RollerSurfa
 from compact.numerics import Array
 from compact.rolling_contact import EquilibriumError
 
-RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
 PREDICTED_SHARE = 0.1  # [-], of the tolerance of a prediction, or steady motion would repeat its residual
 MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
 GOOD_REDUCTION = 0.3  # [-], ratio of successive residuals up to which a factorised tangent is reused
@@ -45,14 +44,11 @@ class Equilibrium:
         Contact with the roller.
     residual : float
         Norm of the residual without damping over that of the nodal forces [-].
-    iterations : int
-        Newton iterations.
     """
 
     state: SolidState
     contact: ContactForces
     residual: float
-    iterations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +73,17 @@ class IncrementSolver:
         Surface nodes that the roller may touch.
     tolerance : float
         Relative tolerance of the residual [-].
+
+    Attributes
+    ----------
+    iterations : int
+        Newton iterations of all increments.
     """
 
-    def __init__(self, solid: FiniteStrainSolid, nodes: ArrayLike, tolerance: float = RESIDUAL_TOLERANCE) -> None:
+    def __init__(self, solid: FiniteStrainSolid, nodes: ArrayLike, tolerance: float) -> None:
         self.solid, self.nodes, self.tolerance = solid, np.asarray(nodes, dtype=int), tolerance
         self.solve_tangent: LinearSolver | None = None
+        self.iterations = 0
         self._last_increment: SolidIncrement | None = None
 
     @cached_property
@@ -145,9 +147,9 @@ class IncrementSolver:
         for iteration in range(MAX_ITERATIONS):
             residuals.append(trial.size)
             if trial.size <= (self.tolerance if iteration else PREDICTED_SHARE * self.tolerance):
-                self._last_increment = trial.increment
-                return Equilibrium(trial.increment.after, trial.contact, trial.undamped_size, iteration)
-            stalled = iteration > 0 and residuals[-1] > GOOD_REDUCTION * residuals[-2]
+                self._last_increment, self.iterations = trial.increment, self.iterations + iteration
+                return Equilibrium(trial.increment.after, trial.contact, trial.undamped_size)
+            stalled = iteration and residuals[-1] > GOOD_REDUCTION * residuals[-2]
             refactorised = self.solve_tangent is None or stalled
             if refactorised:
                 self._factorise(before, trial, share + damping)
@@ -175,11 +177,7 @@ class IncrementSolver:
         stiffness = self.solid.increment(before, near.after.displacement, near=near).element_stiffness
         if elastic_share:
             stiffness += elastic_share * self.elastic_stiffness
-        try:
-            solve = self.solid.factorise(stiffness, self.nodes, contact.stiffness)
-        except RuntimeError as error:
-            raise EquilibriumError(f"no equilibrium: {error}") from error
-        self.solve_tangent = solve
+        self.solve_tangent = solve = self.solid.factorise(stiffness, self.nodes, contact.stiffness)
         if contact.creep_coupling is not None:  # by the formula of Sherman and Morrison for A + column row'
             spread = np.zeros((2, self.solid.basis.N, 2))
             spread[:, self.nodes] = contact.creep_coupling

@@ -206,7 +206,7 @@ class ReciprocatingRoller:
         self.surface = roller_surface(frame, roller, torque, low=strokes.low, position=float(position))
         self._friction, self._tangential_force = self.surface.friction, self.surface.tangential_force  # along +x
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
-        self.state, self.iterations = frame.initial_state(), 0
+        self.state = frame.initial_state()
         self._past: list[tuple[float, float, ContactForces, Array]] = []  # place, travel, contact, change of steps
         self.contact = self.surface.normal_contact(self._surface_displacement)
         self.angle, self.input_work, self.slip_work, self.stored_work = 0.0, 0.0, 0.0, 0.0
@@ -322,7 +322,6 @@ class ReciprocatingRoller:
         self.stored_work += float(solid.point_areas @ (equilibrium.state.work - self.state.work))
         self._past = [*self._past[1 - STEPS_PER_ELEMENT :], (x, travel, contact, change)]
         self.state, self.contact = equilibrium.state, contact
-        self.iterations += equilibrium.iterations
         self.surface = surface.with_multipliers(contact)
 
     @property
@@ -351,13 +350,11 @@ class ReciprocatingRoller:
     @cached_property
     def _shift_matrices(self) -> dict[float, csr_matrix]:
         """Matrices that shift nodal fields by one element, by the sign of the travel."""
-        (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
-        low, high = x.min(), x.max()
-        return {sign: probes(np.array([np.clip(x - sign * self.frame.step, low, high), y])) for sign in (1.0, -1.0)}
+        (x, y), step, matrix = self.frame.nodes.T, self.frame.step, self.frame.interpolation_matrix
+        return {sign: matrix(np.array([np.clip(x - sign * step, x.min(), x.max()), y])) for sign in (1.0, -1.0)}
 
     def _solve_augmented(self, surface: RollerSurface, guess: Array) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
-        iterations = 0
         for _ in range(MAX_AUGMENTATIONS):
             try:
                 equilibrium = self.solver.solve(self.state, surface, guess)
@@ -366,22 +363,21 @@ class ReciprocatingRoller:
                 if not isinstance(self.frame.solid.material, DruckerPragerCap):
                     raise
                 equilibrium = self._solve_carrying(surface)
-            iterations += equilibrium.iterations
             contact = equilibrium.contact
             if surface.multiplier_error(contact) <= MULTIPLIER_TOLERANCE * contact.pressure.max():
                 break
             surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
-        return replace(equilibrium, iterations=iterations)
+        return equilibrium
 
     def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:
         """Solve a step with the carried pressure that equals the pressure after it."""
-        carried, guess, iterations = self.state.points.pressure, self.state.displacement, 0
+        carried, guess = self.state.points.pressure, self.state.displacement
         for _ in range(MAX_CARRYING):
             found = self.solver.solve(replace(self.state, carried_pressure=carried), surface, guess)
             after = found.state.points.pressure
-            guess, iterations = found.state.displacement, iterations + found.iterations
             if np.abs(after - carried).mean() < CARRIED_TOLERANCE * np.abs(after).mean():
-                return replace(found, state=replace(found.state, carried_pressure=None), iterations=iterations)
+                return replace(found, state=replace(found.state, carried_pressure=None))
+            guess = found.state.displacement
             carried = carried + CARRIED_SHARE * (after - carried)
         raise EquilibriumError(f"no equilibrium: the pressure on the shear line changes after {MAX_CARRYING} solutions")
 
@@ -439,9 +435,7 @@ def simulate_reciprocating(
     strokes = stroke_schedule(motion)
     require_compactable(layer, roller, material, 1.0, fed_layer)
     edge = numerics.edge_distance
-    depth = require_simulable(layer, roller, strokes, lift_thickness, edge, fed_layer)
-    if start is not None:
-        require_start(start, layer, depth, fed_layer, strokes)
+    depth = require_simulable(layer, roller, strokes, lift_thickness, edge, fed_layer, start)
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
@@ -454,7 +448,7 @@ def simulate_reciprocating(
         rolling = ReciprocatingRoller(frame, roller, strokes, torque or 0.0, position)
         if before is not None:
             rolling.input_work, rolling.stored_work = before.input_work, before.stored_work
-            rolling.iterations = before.iterations
+            rolling.solver.iterations = before.solver.iterations
         return rolling
 
     def simulate(every: int) -> _History:
@@ -466,7 +460,13 @@ def simulate_reciprocating(
             if rolling is None or is_new:
                 if stroke:
                     fed = run.exit_layers[-1].with_lift(lift_thickness, material)
-                    warn_of_shut_pores(fed, material, depth, stroke + 1)
+                    room = fed.height - fed.solid_height(material)
+                    if depth > room:
+                        warnings.warn(
+                            f"stroke {stroke + 1}: the pores of the layer and its lift are shut at {room:.3g} of "
+                            f"{depth:.3g} m; the mix beyond is pushed ahead of the roller",
+                            stacklevel=3,
+                        )
                 rolling = roller_on(fed, positions[0], rolling)
                 if start is not None and stroke == 0:
                     rolling.initialise_from(start.solution)
@@ -475,9 +475,8 @@ def simulate_reciprocating(
                     rolling.press(rolling.surface.bottom_height - depth, speed, every)
             elif edge is not None:  # behind the stroke before, ahead of this one
                 rolling.lay_mix(edge, float(np.sign(positions[1] - positions[0])))
-            run.add_stroke(
-                rolling, stroke, (times, positions), is_new, strokes.nearest(stroke, times, numerics.instants)
-            )
+            kept = strokes.nearest(stroke, times, numerics.instants)
+            run.add_stroke(rolling, stroke, (times, positions), is_new, kept)
         return run
 
     with threadpool_limits(1):
@@ -530,7 +529,7 @@ class _History:
                 self.frames.append((float(time), roller.fields))
         middle = int(np.searchsorted(roller.frame.row_x, roller.strokes.span / 2))
         self.exit_layers.append(roller.frame.exit_layer(roller.state, middle)[0])
-        self.iterations = roller.iterations
+        self.iterations = roller.solver.iterations
 
 
 def require_simulable(
@@ -540,8 +539,9 @@ def require_simulable(
     lift: float,
     edge_distance: float | None,
     fed_layer: LayerState | None,
+    start: CompactionContactResult | None,
 ) -> float:
-    """Require a case that can be simulated, and return the depth [m]."""
+    """Require a case that can be simulated, from a steady contact where it has one, and return the depth [m]."""
     depth = roller.indentation
     if depth is None:
         raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
@@ -558,24 +558,8 @@ def require_simulable(
             f"`edge_distance` must be at least the contact length {length:.4g} m and `lift_thickness` 0, got "
             f"{edge_distance!r} m and {lift!r} m"
         )
-    return depth
-
-
-def warn_of_shut_pores(fed: LayerState, material: Compaction, depth: float, stroke: int) -> None:
-    """Warn if a layer with its lift has fewer voids than a roller at a depth [m] takes: the mix is pushed ahead."""
-    room = fed.height - fed.solid_height(material)
-    if depth > room:
-        warnings.warn(
-            f"stroke {stroke}: the pores of the layer and its lift are shut at {room:.3g} of {depth:.3g} m; the mix "
-            "beyond is pushed ahead of the roller",
-            stacklevel=4,
-        )
-
-
-def require_start(
-    start: CompactionContactResult, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
-) -> None:
-    """Require a steady contact from which the motion can begin."""
+    if start is None:
+        return depth
     same = start.layer == layer and start.solution.frame.inflow is fed_layer
     if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
         raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
@@ -584,3 +568,4 @@ def require_start(
             f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
             f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
         )
+    return depth

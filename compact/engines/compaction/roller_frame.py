@@ -421,22 +421,6 @@ class RollerFrame:
             },
         )
 
-    def layer_bottom(self, displacement: Array, at: float) -> float:
-        """Return the height of the bottom of the fed layer above the rigid base at a position, at rest in x [m].
-
-        Parameters
-        ----------
-        displacement : ndarray, shape (N, 2)
-            Displacement of the nodes [m].
-        at : float
-            Current x [m].
-        """
-        if not self.lower_rows:
-            return 0.0
-        nodes = np.flatnonzero(np.abs(self.nodes[:, 1] - self.lower_height) < SAME_PLACE * self.mesh.height)
-        x, bottom = (self.nodes[nodes] + displacement[nodes])[np.argsort(self.nodes[nodes, 0])].T
-        return float(np.interp(at, x, bottom))
-
     def _convect_points(self, values, fed):
         """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""
         rows = self.to_rows(values)

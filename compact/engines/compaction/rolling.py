@@ -63,8 +63,6 @@ class RollingStep:
         Mean density ratio of the exit column [-].
     peak_pressure : float
         Largest pressure [Pa].
-    iterations : int
-        Newton iterations.
     residual : float
         Residual without damping over the nodal forces [-].
     bow_wave : float
@@ -82,7 +80,6 @@ class RollingStep:
     slip_resistance: float
     exit_density_ratio: float
     peak_pressure: float
-    iterations: int
     residual: float
     bow_wave: float
     wave_area: float
@@ -233,7 +230,7 @@ class IncrementalRolling:
         RuntimeError
             If the step has no equilibrium; the message contains the last step.
         """
-        frame, nodes, count, iterations = self.frame, self.frame.surface_nodes, len(self.parts), 0
+        frame, nodes, count = self.frame, self.frame.surface_nodes, len(self.parts)
         travel = frame.step / count
         heights = np.linspace(self.surface.bottom_height, bottom_height, count + 1)[1:]
         # one element back on the convected mix, then part by part to its new place
@@ -254,7 +251,7 @@ class IncrementalRolling:
             except EquilibriumError:
                 equilibrium = self._solve_in_halves(state, moved, surface)
             self._tangents[index] = self.solver.solve_tangent
-            iterations, pressures = iterations + equilibrium.iterations, equilibrium.state.points.pressure
+            pressures = equilibrium.state.points.pressure
             contact, after = equilibrium.contact, equilibrium.state.displacement
             change = after - state.displacement
             # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
@@ -266,24 +263,16 @@ class IncrementalRolling:
             state, surface = equilibrium.state, surface.with_multipliers(contact)
 
         self.state, self.contact, self.surface, self.parts = state, equilibrium.contact, surface, parts
-        return self._record(iterations, equilibrium.residual)
-
-    def _record(self, iterations: int, residual: float) -> RollingStep:
-        """Add the record of the present step."""
-        frame, parts = self.frame, self.parts
-        load, resistance, slip = np.mean([[part.load, part.resistance, part.slip_resistance] for part in parts], axis=0)
+        forces = np.mean([[part.load, part.resistance, part.slip_resistance] for part in parts], axis=0).tolist()
         x, y = self.surface_positions.T
         rise = y - frame.mesh.height
         step = RollingStep(
-            travel=(self.steps[-1].travel if self.steps else 0.0) + frame.step,
-            bottom_height=self.surface.bottom_height,
-            load=float(load),
-            resistance=float(resistance),
-            slip_resistance=float(slip),
+            (self.steps[-1].travel if self.steps else 0.0) + frame.step,
+            surface.bottom_height,
+            *forces,
             exit_density_ratio=frame.exit_density_ratio(self.state.points.density_ratio),
             peak_pressure=float(self.surface_traction(self.contact.pressure).max()),
-            iterations=iterations,
-            residual=residual,
+            residual=equilibrium.residual,
             bow_wave=float(y.max() - frame.mesh.height),
             wave_area=float(np.trapezoid(np.where(x > 0, np.maximum(rise, 0.0), 0.0), x)),
             stored_area=frame.stored_area(self.state.displacement),
@@ -302,14 +291,14 @@ class IncrementalRolling:
         heights, positions = zip(*((each.bottom_height, each.position) for each in (before, after)), strict=True)
         for pieces in (2**halving for halving in range(1, MAX_HALVINGS + 1)):
             moved, state = replace(before, penalty=PENALTY_REDUCTION * before.penalty), start
-            self.solver.solve_tangent, iterations = None, 0
+            self.solver.solve_tangent = None
             try:
                 for share in np.arange(1, pieces + 1) / pieces:
                     moved = moved.begin_increment(state.displacement[nodes])
                     moved = moved.moved_to(*(float(low + (high - low) * share) for low, high in (heights, positions)))
                     equilibrium = self.solver.solve(state, moved, state.displacement)
-                    state, iterations = equilibrium.state, iterations + equilibrium.iterations
-                return replace(equilibrium, iterations=iterations)
+                    state = equilibrium.state
+                return equilibrium
             except EquilibriumError as error:
                 reason = error
         depth, last = 1e3 * (self.frame.mesh.height - after.bottom_height), self.steps[-1] if self.steps else None

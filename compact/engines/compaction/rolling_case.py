@@ -179,14 +179,9 @@ class RollingCase:
             name: getattr(fed, name) * (getattr(points, name) / getattr(old_fed, name)) ** strain
             for name in ("density_ratio", "max_density_ratio")
         }
-        pressure, old_pressure = (
-            solid.material.yield_pressure(densest) * solid.rate_factor
-            for solid, densest in (
-                (rolling.frame.solid, ratios["max_density_ratio"]),
-                (frame.solid, points.max_density_ratio),
-            )
-        )
-        stress = np.asarray(pressure / old_pressure)
+        after, before = ratios["max_density_ratio"], points.max_density_ratio
+        strengths = rolling.frame.solid.yield_pressure(after), frame.solid.yield_pressure(before)
+        stress = np.asarray(strengths[0] / strengths[1])
         moved = cap_plasticity.MaterialPoint(
             points.stress * stress[:, None], **ratios, plastic_work=points.plastic_work * stress * strain
         )

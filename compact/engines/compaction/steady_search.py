@@ -16,7 +16,7 @@ resistance and distance (`UnsteadyError`).
 """
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,7 +55,6 @@ WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 
 
-@dataclass
 class SteadySearch:
     """Search for the steady state on one mesh.
 
@@ -73,7 +72,7 @@ class SteadySearch:
         Tolerance of the prescribed quantity over that of the result [-].
     coarse : SteadySearch, optional
         Search on the mesh before, from whose state this one starts.
-    relaxation : Relaxation
+    relaxation : Relaxation, optional
         Slow relaxation of the bow wave.
     known_factor : float
         Load in the limit of short increments over that of this search, where none before determines it [-].
@@ -90,35 +89,31 @@ class SteadySearch:
         True if the motion is steady.
     """
 
-    case: RollingCase
-    target: DepthTarget
-    rolling: IncrementalRolling
-    depth: float
-    leeway: float = 1.0
-    coarse: "SteadySearch | None" = None
-    relaxation: Relaxation = field(default_factory=Relaxation)
-    known_factor: float = 1.0
-    values: Array = field(default_factory=lambda: np.zeros(len(QUANTITIES)), init=False)
-    drift: Array = field(init=False)
-    start: Array = field(init=False)
-    distance: float = field(default=np.inf, init=False)
-    is_steady: bool = field(default=False, init=False)
-    _miss: float = field(default=0.0, init=False)
-    _missed: str = field(default="", init=False)
-    _density_factor: float = field(default=1.0, init=False)
-    _depth_exponent: float | None = field(default=None, init=False)
-    _begin: int = field(default=0, init=False)
-    _settled: tuple[IncrementalRolling, WaveDrift] | None = field(default=None, init=False)
-    _waves: tuple[WaveDrift, ...] = field(default=(), init=False)
-
-    def __post_init__(self) -> None:
-        self.tolerance = self.case.numerics.steady_tolerance
-        self.target_tolerance = self.leeway * self.target.tolerance(self.elements)
-        coarse, new = self.coarse, self.rolling
+    def __init__(
+        self,
+        case: RollingCase,
+        target: DepthTarget,
+        rolling: IncrementalRolling,
+        depth: float,
+        *,
+        leeway: float = 1.0,
+        coarse: "SteadySearch | None" = None,
+        relaxation: Relaxation | None = None,
+        known_factor: float = 1.0,
+    ) -> None:
+        self.case, self.target, self.rolling, self.depth, self.coarse = case, target, rolling, depth, coarse
+        self.relaxation, self.known_factor = relaxation or Relaxation(), known_factor
+        self.tolerance, self.target_tolerance = case.numerics.steady_tolerance, leeway * target.tolerance(self.elements)
+        self.values = self.drift = self.start = np.zeros(len(QUANTITIES))
+        self.distance, self.is_steady = np.inf, False
+        self._miss, self._missed, self._begin = 0.0, "", 0
+        self._depth_exponent: float | None = None
+        self._settled: tuple[IncrementalRolling, WaveDrift] | None = None
+        self._waves: tuple[WaveDrift, ...] = ()
         if coarse is not None:
             self.rolling, self.relaxation = coarse.rolling, coarse.relaxation
-            self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
-            self._continue_on(new)
+            self._depth_exponent = coarse._depth_exponent
+            self._continue_on(rolling)
 
     @property
     def elements(self) -> float:
@@ -369,15 +364,12 @@ class SteadySearch:
         if missing > 0:
             self._roll(missing)
         self._advance_exactly()
-        quantity, last = self.target.quantity, self.rolling.steps[-1]
-        if quantity == "exit_density_ratio":  # a mean, since columns of points scatter
-            steps = self.rolling.steps[-self._steps_of(CYCLE / 2) :]
-            density = float(np.mean([each.exit_density_ratio for each in steps]))
-            self._density_factor = density / self._geometric_density_ratio()
-            return density
+        quantity, count = self.target.quantity, 1
         if quantity == "indentation":
             return self.depth
-        return float(getattr(last, quantity))
+        if quantity == "exit_density_ratio":  # a mean, since columns of points scatter
+            count = self._steps_of(CYCLE / 2)
+        return float(np.mean([getattr(step, quantity) for step in self.rolling.steps[-count:]]))
 
     def _advance_exactly(self) -> None:
         """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
@@ -400,38 +392,14 @@ class SteadySearch:
         return max(int(np.ceil(share * self._length / self.rolling.frame.step)), MIN_STEPS)
 
     def _target_value(self) -> float:
-        """Steady value of the prescribed quantity on the mesh."""
+        """Return the steady value of the prescribed quantity on the mesh."""
         quantity = self.target.quantity
-        if quantity == "indentation":
-            return self.depth
-        if quantity == "exit_density_ratio":
-            if self.rolling.frame.has_frictionless_base:
-                self._density_factor = float(self.values[2]) / self._geometric_density_ratio(at_exit=True)
-            return self._density_factor * self._geometric_density_ratio()
-        return float(self.values[QUANTITIES.index(quantity)])
+        return self.depth if quantity == "indentation" else float(self.values[QUANTITIES.index(quantity)])
 
     @property
     def _target_factor(self) -> float:
         """Reported over computed value of the prescribed quantity [-]."""
         return self.load_factor if self.target.quantity == "load" else 1.0
-
-    def _geometric_density_ratio(self, at_exit: bool = False) -> float:
-        """Density ratio of the fed mix in the height of the layer behind the roller at the present depth [-].
-
-        With `at_exit` the depth is that at which the roller has passed the exit column.
-
-        The height is that of the roller and the recovery at the exit column, which the roller has passed before; the
-        density ratio of that column lags behind the depth. They differ by elastic strain and by elongation, which on a
-        frictionless base is as large as the increase of the density.
-        """
-        rolling, frame = self.rolling, self.rolling.frame
-        x, y = rolling.surface_positions.T
-        passed = rolling.steps[-min(int(frame.exit_distance / frame.step) + 1, len(rolling.steps))]
-        recovery = float(np.interp(-frame.exit_distance, x, y)) - passed.bottom_height
-        bottom = frame.layer_bottom(rolling.state.displacement, -frame.exit_distance)
-        height = frame.mesh.height - frame.lower_height
-        bottom_height = passed.bottom_height if at_exit else self._height
-        return self.target.fed_ratio * height / (bottom_height + recovery - bottom)
 
     def _fit_mesh(self, is_similar: bool) -> None:
         """Fit the mesh to a depth that differs much from its own, with a similar or the same state, and the rate."""

@@ -45,8 +45,8 @@ class WaveDrift:
         from step to step.
     growth : float
         Mix that the wave takes up, as fed, per travel [m]: inflow less outflow at the exit column.
-    values, slopes, scatter : ndarray, shape (4,)
-        `QUANTITIES` [N/m, N/m, -, Pa], their slopes over the travel [1/m] and twice the standard deviation from them.
+    values, slopes : ndarray, shape (4,)
+        `QUANTITIES` [N/m, N/m, -, Pa], and their slopes over the travel [1/m].
     """
 
     travel: float
@@ -56,7 +56,6 @@ class WaveDrift:
     growth: float
     values: Array
     slopes: Array
-    scatter: Array
 
     @classmethod
     def of_steps(cls, steps: Sequence[RollingStep]) -> Self:
@@ -66,14 +65,13 @@ class WaveDrift:
         travel = np.array([step.travel for step in steps]) - steps[-1].travel
         lines = np.stack([np.ones_like(travel), travel], axis=1)
         ends, slopes = np.linalg.lstsq(lines, table, rcond=None)[0]
-        deviation = table - lines @ [ends, slopes]
-        spread = np.sqrt(np.sum(deviation**2, axis=0) / max(len(steps) - 2, 1))
-        after, before = deviation[1:, 0], deviation[:-1, 0]
+        deviation = table[:, 0] - lines @ [ends[0], slopes[0]]
+        after, before = deviation[1:], deviation[:-1]
         correlation = np.clip(after @ before / max(before @ before, np.finfo(float).tiny), 0.0, MAX_CORRELATION)
-        error = spread[0] / np.sqrt(np.sum((travel - travel.mean()) ** 2))
-        error *= np.sqrt((1 + correlation) / (1 - correlation))  # of a sum of such deviations
+        spread = np.sum(deviation**2) / max(len(steps) - 2, 1) / np.sum((travel - travel.mean()) ** 2)
+        error = np.sqrt(spread * (1 + correlation) / (1 - correlation))  # of a sum of such deviations
         wave = -float(travel[0]), float(ends[0]), float(slopes[0]), float(error)
-        return cls(*wave, float(slopes[1]), ends[2:], slopes[2:], 2 * spread[2:])
+        return cls(*wave, float(slopes[1]), ends[2:], slopes[2:])
 
 
 @dataclass(frozen=True, eq=False)

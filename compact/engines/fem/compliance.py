@@ -32,7 +32,6 @@ interconversion of creep and relaxation functions.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +59,6 @@ SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced p
 
 Solve = Callable[[Array], Array]
 Displacement = Callable[[Array], Array]
-End = Literal[0, 1]
 
 
 def at_rest(x: Array) -> Array:
@@ -186,11 +184,6 @@ class LayerStiffness:
         return found.reshape(forces.shape)
 
 
-def end_behind(layer: Layer, speed: float) -> End:
-    """Return the end at which a layer on a frictionless base is held, at lower (0) or upper (1) x; 0 if bonded."""
-    return 1 if layer.base == "slip" and speed < 0 else 0
-
-
 def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
     """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4)."""
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
@@ -198,8 +191,8 @@ def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
 
 
 @lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
-def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer, behind: End = 0) -> LayerStiffness:
-    """Assemble and factorise the stiffness of a layer; one on a frictionless base is held at its end behind."""
+def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffness:
+    """Assemble and factorise the stiffness of a layer; one on a frictionless base is held behind the roller."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
     K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
@@ -207,25 +200,25 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer, behind: End = 0
     lines = np.empty((2 * rows + 1, 2 * columns + 1), dtype=np.intp)
     for (x, y), nodes in zip(basis.elem.doflocs, basis.element_dofs.reshape(-1, rows, columns), strict=True):
         lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
-    held = lines[0] if layer.base == "bonded" else lines[:, -behind]
+    held = lines[0] if layer.base == "bonded" else lines[:, 0]
     free = np.setdiff1d(np.arange(K.shape[0]), np.concatenate([2 * held, 2 * lines[0] + 1]))
     return LayerStiffness(basis, lines, free, _factorised(K[free][:, free].tocsc()))
 
 
 @lru_cache(maxsize=8)
 def surface_compliance(
-    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End, stretch_rate: bool = False
+    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, stretch_rate: bool = False
 ) -> SurfaceCompliance:
     """Condense a layer to its surface, loaded within a half-width `window` [m] of the centre of the mesh.
 
     Symmetry of a mirrored mesh halves the number of unit forces; `sheared` includes forces along x. A layer on a
-    frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x then count
-    from the end ahead, which is undisturbed. With `stretch_rate` the derivative by the log of a uniform stretch s of
+    frictionless base is held along x behind the roller, at its lower end; displacements along x then count from the end
+    ahead, which is undisturbed. With `stretch_rate` the derivative by the log of a uniform stretch s of
     the mesh along x too,
 
         du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
-    body = layer_stiffness(mesh, poisson, layer, behind)
+    body = layer_stiffness(mesh, poisson, layer)
     basis, pulled = body.basis, sheared and layer.base == "slip"
     if stretch_rate:
         B, moduli = strain_matrix(basis), element_moduli(mesh, poisson, layer)
@@ -257,7 +250,7 @@ def surface_compliance(
     sign = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # mirroring reverses components along x, not along y
     response[..., :mirrored] = (sign * response[:, :, ::-1, :, ::-1])[..., :mirrored]
     if pulled:
-        response[:, 0] -= response[:, 0, [behind - 1]]
+        response[:, 0] -= response[:, 0, [-1]]
     return SurfaceCompliance(x, slice(first, last), response[0], stretch_rate=response[1] if stretch_rate else None)
 
 
@@ -288,10 +281,8 @@ def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
 def retardation_operator(x: Array, length: float) -> Array:
     """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2] [m], shape (n, n).
 
-    The mix flows along -x if the length v theta [m] is positive; z = w at the upstream end.
+    The mix flows along -x, the length v theta [m] is positive; z = w at the upstream end.
     """
-    if length < 0:
-        return retardation_operator(-x[::-1], -length)[::-1, ::-1]
     flow = -x[::-1]  # ascends downstream
     M = np.zeros((len(x), len(x)))
     M[0, 0] = 1.0
@@ -314,8 +305,6 @@ def retardation_operator(x: Array, length: float) -> Array:
 
 def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
     """Solve z - length dz/dx = values, shape (rows, n, ...), piecewise linear along rows of points x [m]."""
-    if length < 0:
-        return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
     z = np.empty_like(values)
     z[:, -1] = values[:, -1]
     steps = np.diff(x, axis=1)

@@ -12,11 +12,11 @@ Petrov-Galerkin equations require the surface to follow the roller; their test f
 Between fixed edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
 edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
 
-**Stick and slip.** The slip of the mix on the roller along the tangent t, relative to the rolling speed v, is
+**Stick and slip.** The slip of the mix on the roller along the tangent t, relative to the rolling speed, is
 
     s = 1 + creepage - t.(e_x + du/dx),    creepage = angular speed x radius/v - 1,
 
-and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(v s) where s is not zero. Like the pressure, q
+and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(s) where s is not zero. Like the pressure, q
 vanishes at both edges as a square root, times a factor linear between the surface nodes. The slip of a node is the mean
 over the interval on its upstream side. An active-set method finds the nodes that stick; the creepage follows from the
 prescribed sum of q, which is the torque over the radius. Pressure and shear are solved alternately.
@@ -83,7 +83,7 @@ class BeyondCircleError(RuntimeError):
 
 @dataclass(frozen=True)
 class RollingProblem:
-    """Roller in steady motion over a linear layer, with the speed along x [m/s] and the torque as of `engine.roll`."""
+    """Roller in steady motion along +x over a linear layer, at a speed [m/s] and with the torque of `engine.roll`."""
 
     layer: Layer
     roller: Roller
@@ -92,14 +92,9 @@ class RollingProblem:
     torque: float = 0.0
 
     @property
-    def direction(self) -> float:
-        """Direction of travel, 1 along +x or -1."""
-        return float(np.sign(self.speed))
-
-    @property
     def traction_ratio(self) -> float:
         """Shear traction on the mix along +x over pressure where the whole contact slides [-]."""
-        return self.direction * self.roller.friction if self.roller.rolling == "sliding" else 0.0
+        return self.roller.friction if self.roller.rolling == "sliding" else 0.0
 
     @property
     def turns_with_friction(self) -> bool:
@@ -154,7 +149,7 @@ class ContactPatch:
     Parameters
     ----------
     edges : tuple of float
-        Lower and upper edge in x [m], for either direction of travel.
+        Trailing and leading edge in x [m].
     x, weight, pressure : ndarray
         Quadrature points and weights [m], and the pressure there [-], shape (q,).
     normal, direction : ndarray
@@ -221,7 +216,7 @@ class ShearSolution:
     forces, displacement : ndarray
         Forces on the loaded nodes, shape (2, m), and displacement of all by them, shape (2, n) [m].
     slip_work : float
-        Energy dissipated by slip per length rolled, - sign(v) int q s dx [m].
+        Energy dissipated by slip per length rolled, - int q s dx [m].
     """
 
     x: Array
@@ -527,29 +522,27 @@ def solve_shear(
     loads, share = shape_matrix(surface.x, patch.x)[:, surface.loaded].T, functions.sum(axis=0)
     hats = np.stack([loads @ (functions * part[:, None]) for part in _perpendicular(patch.normal)])
     bound = problem.roller.friction * np.maximum(np.interp(inner, patch.x, patch.pressure), 0)
-    direction = problem.direction
-    force = -direction * problem.torque / problem.roller.radius / problem.material.youngs_modulus
+    force = -problem.torque / problem.roller.radius / problem.material.youngs_modulus
     if abs(force) >= bound @ share:
         raise RuntimeError(
             f"the roller skids: the torque is {abs(force) / (bound @ share):.3g} times the friction limit; reduce the "
             "torque, or raise the load or `friction`"
         )
-    # slip s = A q + b + creepage of the nodes, signed along the travel
+    # slip s = A q + b + creepage of the nodes, in the intervals on their upstream side
     response = surface.displacement(hats)
-    upstream = slice(1, None) if direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
-    rate = -direction * (np.diff(shape_matrix(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
-    middle = ((x[1:] + x[:-1]) / 2)[upstream]
+    rate = -np.diff(shape_matrix(surface.x, x[1:]), axis=0) / np.diff(x[1:])[:, None]
+    middle = (x[2:] + x[1:-1]) / 2
     along = _perpendicular(np.stack([np.interp(middle, patch.x, part) for part in patch.normal]))
     A = sum(part[:, None] * (rate @ response[i]) for i, part in enumerate(along))
-    b = direction * (1 - along[0]) + sum(part * (rate @ patch.displacement[i]) for i, part in enumerate(along))
+    b = 1 - along[0] + sum(part * (rate @ patch.displacement[i]) for i, part in enumerate(along))
     q, creepage = _stick_slip_active_set(A, b, bound, share, force)
     slip_work = -float(np.sum(share * q * (A @ q + b + creepage)))
-    traction, creepage = np.concatenate([[0.0], q, [0.0]]), float(direction * creepage)
-    return ShearSolution(x, traction, creepage, hats.sum(axis=1) @ q, hats @ q, response @ q, slip_work)
+    traction = np.concatenate([[0.0], q, [0.0]])
+    return ShearSolution(x, traction, float(creepage), hats.sum(axis=1) @ q, hats @ q, response @ q, slip_work)
 
 
 def _stick_slip_active_set(A: Array, b: Array, bound: Array, share: Array, force: float) -> tuple[Array, float]:
-    """Return traction and creepage: s = A q + b + creepage and share.q = force, signed along the travel."""
+    """Return traction and creepage: s = A q + b + creepage and share.q = force."""
     sticks, sign, visited = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
     for _ in range(MAX_EXCHANGES):
         q, k = np.where(sticks, 0.0, sign * bound), np.flatnonzero(sticks)  # s = 0 on the nodes k that stick

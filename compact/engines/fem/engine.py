@@ -95,8 +95,8 @@ Found = TypeVar("Found")
 class FemContactResult(Contact):
     """A `Contact` with the data that its fields require.
 
-    Its `history` lists (trailing, leading, step over length) of every iteration, along x [m]. The sign of its speed
-    selects the end at which a slipping layer is held.
+    Its `history` lists (trailing, leading, step over length) of every iteration, along the travel [m], as are `mesh`
+    and `forces`.
 
     Parameters
     ----------
@@ -112,8 +112,7 @@ class FemContactResult(Contact):
     @property
     def stiffness(self) -> compliance.LayerStiffness:
         """Factorised stiffness of the layer, shared by all contacts on the same mesh."""
-        behind = compliance.end_behind(self.layer, self.speed)
-        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer, behind)
+        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer)
 
     @property
     def moduli(self) -> Array:
@@ -190,24 +189,27 @@ def roll(
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
-    require_linear_range(layer, roller, material, speed, mesh, tolerance)
+    problem, mesh = along_travel(layer, roller, material, speed, mesh, tolerance)
     rolling_contact.require_torque_allowed(roller, torque)
-    problem = RollingProblem(layer, roller, material, speed, torque or 0.0)
+    problem = replace(problem, torque=torque or 0.0)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         if mesh is None and estimate:
-            return _solve_to_tolerance(problem, tolerance)
-        return _solve_on(problem, initial_discretisation(problem, mesh, tolerance), estimate)
+            found = _solve_to_tolerance(problem, tolerance)
+        else:
+            found = _solve_on(problem, initial_discretisation(problem, mesh, tolerance), estimate)
+    return rolling_contact.for_travel(replace(found, speed=speed), speed)
 
 
-def require_linear_range(
+def along_travel(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
-) -> None:
-    """Require arguments, as of `roll`, that the engine covers; ValueError for others."""
+) -> tuple[RollingProblem, RowMesh | None]:
+    """Return the problem and a given mesh seen along the travel; ValueError for arguments beyond the engine's range."""
     FEM.require(layer, roller, speed)
     require_positive(tolerance=tolerance)
     require_instance(Elastic, "Elastic or Viscoelastic for the engine fem", material=material)
+    problem = RollingProblem(layer, roller, material, abs(speed))
     if mesh is None:
-        return
+        return problem, None
     rounding = MESH_ROUNDING * layer.height
     if abs(mesh.height - layer.height) > rounding:
         raise ValueError(f"`mesh` must be as high as the layer, {layer.height!r} m, got {float(mesh.height)!r} m")
@@ -217,6 +219,7 @@ def require_linear_range(
             f"`mesh` must have a line of nodes at every interface of plies, got none at y = {missed[0]:.6g} m; "
             "move the nearest line there, or omit `mesh`"
         )
+    return problem, mesh if speed > 0 else RowMesh(-mesh.x[:, ::-1], mesh.y)
 
 
 def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContactResult:
@@ -264,7 +267,7 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
     x, pressure = patch.sampled(PRESSURE_SAMPLES, problem.exponent)
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
-    trailing, leading = patch.edges if problem.speed > 0 else (-patch.edges[1], -patch.edges[0])
+    trailing, leading = patch.edges
     resistance, lift = (E * contact.resultant).tolist()
     result = FemContactResult(
         -lift,
@@ -285,7 +288,7 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
     torques = None
     if shear is not None:  # prescribed and computed
         moment = problem.roller.radius * E * np.sum(patch.weight * shear.traction_at(patch.x))
-        torques = problem.torque, float(-problem.direction * moment)
+        torques = problem.torque, float(-moment)
     rolling_contact.require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
     return replace(result, error=_error_estimate(grid, result, contact)) if estimate else result
@@ -310,12 +313,8 @@ def elastic_surface(
 ) -> compliance.SurfaceCompliance:
     """Compliance of the elastic layer of unit modulus, loaded within a half-width `window` [m] of the mesh."""
     sheared = bool(problem.traction_ratio) or problem.turns_with_friction or problem.roller.profile == "deformed"
-    layer, poisson, behind = (
-        problem.layer,
-        problem.material.poisson,
-        compliance.end_behind(problem.layer, problem.speed),
-    )
-    return compliance.surface_compliance(mesh, poisson, layer, window, sheared, behind, stretch_rate)
+    layer, poisson = problem.layer, problem.material.poisson
+    return compliance.surface_compliance(mesh, poisson, layer, window, sheared, stretch_rate)
 
 
 def retarded(problem: RollingProblem, surface: compliance.SurfaceCompliance) -> compliance.SurfaceCompliance:
@@ -370,19 +369,19 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
     with the shear force Q on the layer [N/m] and the relative modulus c of a ply.
     """
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
-    direction, supplied, slipped = problem.direction, result.resistance, 0.0
+    supplied, slipped = result.resistance, 0.0
     if problem.layer.base == "slip":  # work at the held end less the energy that the strain of the layer stores
         Q, stiffness = contact.forces[0].sum(), sum(ply.stiffness * ply.thickness for ply in problem.layer.stack)
-        supplied += direction * E * (1 - problem.material.poisson**2) * Q**2 / (2 * stiffness)
+        supplied += E * (1 - problem.material.poisson**2) * Q**2 / (2 * stiffness)
     if shear is not None:
-        supplied += direction * problem.torque / problem.roller.radius * (1 + shear.creepage)
-        slipped = direction * E * shear.slip_work
+        supplied += problem.torque / problem.roller.radius * (1 + shear.creepage)
+        slipped = E * shear.slip_work
     elif problem.traction_ratio:
         stretch = patch.displacement @ compliance.shape_matrix(contact.pressed.surface.x, patch.x, derivative=True).T
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         power = np.sum((patch.direction - patch.normal) * slip, axis=0)
         slipped = E * float(np.sum(patch.weight * patch.pressure * power))
-    balance = supplied - direction * dissipated_work(result) - slipped
+    balance = supplied - dissipated_work(result) - slipped
     return float(abs(balance) / rolling_contact.resistance_scale(result.resistance, result.load))
 
 
@@ -416,7 +415,6 @@ def refined_discretisation(
 ) -> Discretisation | None:
     """Discretisation of a level of refinement from 1 on for the edges of a contact; None beyond `MAX_UNKNOWNS`."""
     edges = similar.trailing, similar.leading
-    edges = edges if problem.speed > 0 else (-edges[1], -edges[0])
     layer, half_width = problem.layer, (edges[1] - edges[0]) / 2
     elements = int(np.ceil(elements_for(tolerance) * ELEMENT_GROWTH ** (level - 1)))
     at_edge = min(EDGE_REFINEMENT * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
@@ -464,21 +462,21 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     import meshio
 
     basis, elastic, strain = result.stiffness.basis, result.elastic_displacement(), result.elastic_strain()
-    x, u = basis.doflocs[0], np.empty_like(elastic)
+    x, u, speed, mirror = basis.doflocs[0], np.empty_like(elastic), abs(result.speed), [np.sign(result.speed), 1.0]
     for line in result.stiffness.lines:
-        u[line] = compliance.steady_creep_operator(x[line], result.material, result.speed) @ elastic[line]
+        u[line] = compliance.steady_creep_operator(x[line], result.material, speed) @ elastic[line]
     parts = result.moduli[:, None] * strain
     stress = np.zeros((*parts.shape[:2], 6))
     stress[..., :3] = parts[..., 3:]
     stress[..., :2] += parts[..., :2]
-    stress[..., 3] = parts[..., 2]
+    stress[..., 3] = parts[..., 2] * mirror[0]
     area = basis.dx.sum(axis=1)
     stress = np.einsum("eq,eqs->es", basis.dx / area[:, None], stress)
-    dissipation = abs(result.speed) * _dissipation(result, strain)[0] / area
+    dissipation = speed * _dissipation(result, strain)[0] / area
     return meshio.Mesh(
-        np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
+        np.pad(basis.doflocs.T * mirror, ((0, 0), (0, 1))),
         [("quad9", basis.element_dofs.T)],
-        point_data={"displacement": np.pad(u, ((0, 0), (0, 1)))},
+        point_data={"displacement": np.pad(u * mirror, ((0, 0), (0, 1)))},
         cell_data={"stress": [stress], "pressure": [-stress[:, :3].mean(axis=1)], "dissipation": [dissipation]},
     )
 
@@ -501,12 +499,12 @@ def _dissipation(result: FemContactResult, strain: Array) -> tuple[Array, float]
         _streamlines(result, values)
         for values in (strain, np.asarray(basis.global_coordinates())[0][..., None], basis.dx[..., None])
     )
-    inside, remaining, outlet = np.zeros(areas.shape[:2]), 0.0, 0 if result.speed > 0 else -1
+    inside, remaining = np.zeros(areas.shape[:2]), 0.0
     for share, time in zip(*branches, strict=True):
-        length = time * result.speed
+        length = time * abs(result.speed)
         energy = share * np.sum(stiff * (e - compliance.retarded_along_rows(e, x[..., 0], length)) ** 2, axis=-1)
-        inside += energy / abs(length)
-        remaining += float(heights @ energy[:, outlet] / 2)
+        inside += energy / length
+        remaining += float(heights @ energy[:, 0] / 2)
     return (areas[..., 0] * inside).reshape(rows, 3, columns, 3).sum(axis=(1, 3)).ravel(), remaining
 
 

@@ -77,8 +77,7 @@ def expand_resistance(
     RuntimeError
         If a contact is not found.
     """
-    fem.require_linear_range(layer, roller, material, speed, mesh, tolerance)
-    problem = RollingProblem(layer, roller, material, speed)
+    problem, mesh = fem.along_travel(layer, roller, material, speed, mesh, tolerance)
     if problem.turns_with_friction:
         raise ValueError(
             "M is available without stick and slip only, got `rolling` "
@@ -86,7 +85,7 @@ def expand_resistance(
         )
     branches = getattr(material, "branches", ())
     if not branches:
-        result = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
+        result = fem.roll(layer, roller, material, speed, tolerance=tolerance, estimate=False)
         return ResistanceExpansion(speed, result.resistance, 0.0, 0.0, 0.0, 0.0)
     time, error = max(time for _, time in branches), None
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
@@ -98,7 +97,7 @@ def expand_resistance(
             grid = replace(grid, mesh=grid.mesh.refined(), terms=grid.terms + fem.EXTRA_TERMS)
             refined = fem.expand_window(grid, partial(_expansion, problem, grid))[2]
             error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
-    return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
+    return ResistanceExpansion(speed, float(np.sign(speed) * resistance), slope, added_mass, error, time)
 
 
 def _expansion(problem: RollingProblem, grid: Discretisation, window: float) -> tuple[float, float, float]:
