@@ -205,9 +205,7 @@ def _line_contact(
 ) -> LineContact:
     """Contact with cot(pi alpha) = `tangent` and one of load, length and peak pressure."""
     tilt = np.arctan(tangent) / np.pi  # 1/2 - alpha
-    alpha, rest = 0.5 - tilt, 0.5 + tilt
-    if not np.all(np.abs(tangent) < 1):  # near 0 or 1 these sums cancel; arctan2 does not, but takes twice the time
-        alpha, rest = np.arctan2(1, tangent) / np.pi, np.arctan2(1, -tangent) / np.pi
+    alpha, rest = np.arctan2(1, tangent) / np.pi, np.arctan2(1, -tangent) / np.pi  # sums with 1/2 would cancel
     load_per_square = np.pi * alpha * rest * E / (4 * radius)
     peak_per_length = E / (2 * radius * np.hypot(1, tangent)) * np.exp(alpha * np.log(alpha) + rest * np.log(rest))
     if load is not None:

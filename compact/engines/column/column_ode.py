@@ -41,7 +41,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from compact.material.elliptic_cap import CapConstants, hardening, heckel_curve, reaction
-from compact.numerics import Array, BoolArray, IntArray
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled, inlined
 
 STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
@@ -59,8 +59,9 @@ EVENT_ROUNDING = 1e-14  # [-], smallest residual at an event over s_v itself
 
 # Indices of the state vector y; from COLUMN_STATE on, p and V of each column
 STRESS, LOAD_INTEGRAL, RESISTANCE_INTEGRAL, PLASTIC_WORK, ELASTIC_WORK, COLUMN_STATE = range(6)
-# Branches of hardening, on which one step stays: none below the largest density ratio, Heckel's curve, saturated mix
-NONE, HECKEL, SATURATED = range(3)
+# Regimes of a column, in which one step stays: elastic, sliding on the shear line, or yielding without hardening below
+# the largest density ratio, on Heckel's curve, as saturated mix
+ELASTIC, LINE, NONE, HECKEL, SATURATED = range(5)
 # Status codes of `integrate_path`
 REACHED, PAUSED, STEPS_EXHAUSTED, STEP_UNDERFLOW, EVENT_NOT_LOCATED = range(5)
 # Indices of `IntegrationState.counts`: last row of the path, evaluations of the rates, steps tried
@@ -155,12 +156,8 @@ class IntegrationState(NamedTuple):
     ----------
     max_density_ratio : ndarray
         Largest density ratio reached by each column [-].
-    yielding : ndarray
-        Whether each column yields.
-    on_line : ndarray
-        Whether each column that yields slides on the shear line.
-    branch : ndarray
-        Hardening of each column, see NONE, HECKEL, SATURATED.
+    regime : ndarray
+        Regime of each column, see ELASTIC, LINE, NONE, HECKEL, SATURATED.
     event_stress : ndarray
         Vertical stress at which each column changes its regime next [Pa].
     step : ndarray
@@ -170,18 +167,14 @@ class IntegrationState(NamedTuple):
     """
 
     max_density_ratio: Array
-    yielding: BoolArray
-    on_line: BoolArray
-    branch: IntArray
+    regime: IntArray
     event_stress: Array
     step: Array
     counts: IntArray
 
 
 @compiled
-def integrate_path(
-    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: Array, max_tries: int
-) -> int:
+def integrate_path(problem: ColumnProblem, control: PathControl, state: IntegrationState, path: Array) -> int:
     """Integrate the columns from the last row of a path until its end.
 
     Parameters
@@ -190,13 +183,11 @@ def integrate_path(
         Rows (u, y), one for each step, the last at `state.counts[ROW]`; new rows are written behind it. The vector y
         is (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...) in SI units. V counts from the
         stack.
-    max_tries : int
-        Steps to try before pausing.
 
     Returns
     -------
     int
-        Status. PAUSED after `max_tries` steps or when the path is full: the same call continues. REACHED at the end.
+        Status. PAUSED when the path is full: the same call continues with a longer one. REACHED at the end.
         STEPS_EXHAUSTED after STEPS_MAX steps. STEP_UNDERFLOW if a step does not change u. EVENT_NOT_LOCATED if the
         stress of an event is not found.
 
@@ -218,7 +209,6 @@ def integrate_path(
         for i in range(n):
             event_stress[i] = yield_stress(law, _event_state(stack, y, i), direction)
     _rates(u, y, K[0], problem, state)
-    tries_end = counts[STEPS_TRIED] + max_tries
     while u != u_end:
         i = int(np.argmin(direction * event_stress))
         is_event = direction * (end - event_stress[i]) > 0
@@ -232,7 +222,7 @@ def integrate_path(
             continue
         if counts[STEPS_TRIED] >= STEPS_MAX:
             return STEPS_EXHAUSTED
-        if counts[STEPS_TRIED] >= tries_end or counts[ROW] + 1 == len(path):
+        if counts[ROW] + 1 == len(path):
             state.step[0] = step
             return PAUSED
         counts[STEPS_TRIED] += 1
@@ -259,20 +249,21 @@ def integrate_path(
 @compiled
 def _change_regime(law, stack, y, i, direction, state):
     """Let column i yield, or cross from one part of its yield surface to the next at its event."""
-    point, subcritical = _event_state(stack, y, i), direction < 0
-    if not state.yielding[i] or state.on_line[i]:
+    point, slides, subcritical = _event_state(stack, y, i), False, direction < 0
+    if state.regime[i] <= LINE:
         inside_corner = law.line and point[1] + law.pt <= _corner_pressure(law, point[2]) * CORNER_SIDE
-        state.on_line[i] = not state.yielding[i] and inside_corner
-        state.event_stress[i] = critical_stress(law, point, direction, state.on_line[i])
+        slides = state.regime[i] == ELASTIC and inside_corner
+        state.event_stress[i] = critical_stress(law, point, direction, slides)
         subcritical = point[1] <= _yield_surface(law, point[2])[1]
     else:
         state.event_stress[i] = direction * np.inf
-    state.yielding[i] = True
     k, V = stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1]
-    if law.flat and (subcritical or np.log(state.max_density_ratio[i] / k) > V):
-        state.branch[i] = NONE
+    if slides:
+        state.regime[i] = LINE
+    elif law.flat and (subcritical or np.log(state.max_density_ratio[i] / k) > V):
+        state.regime[i] = NONE
     else:
-        state.branch[i] = HECKEL if np.log(law.limit / k) > V else SATURATED
+        state.regime[i] = HECKEL if np.log(law.limit / k) > V else SATURATED
 
 
 @compiled
@@ -309,7 +300,7 @@ def _end_step(u, step, stages, problem, state, control, stop):
     largest one; unloading columns that pass from the cap to the flat part, or from either to the shear line.
     """
     y, z, K = stages
-    (law, stack, _, _), n, last, located = problem, len(state.yielding), -1, True
+    (law, stack, _, _), n, last, located = problem, len(state.regime), -1, True
     if (z[STRESS] - stop) * (y[STRESS] - stop) <= 0:
         located, step = _locate_event(u, step, stages, problem, state, control.error_scale, (-1, stop))
         z[STRESS] = stop
@@ -332,34 +323,34 @@ def _end_step(u, step, stages, problem, state, control, stop):
 
 @compiled
 def _pass_event(problem, state, z, event):
-    """Change the branch of hardening or the part of the yield surface of a column at an event of `_end_step`."""
+    """Change the regime of a column at an event of `_end_step`."""
     law, stack, _, _ = problem
-    n = len(state.yielding)
+    n = len(state.regime)
     i = event % n
     if event >= 2 * n:
-        state.branch[i] = NONE
+        state.regime[i] = NONE
         state.event_stress[i] = critical_stress(law, _event_state(stack, z, i), -1.0, False)
     elif event >= n:
-        state.on_line[i] = True
-    elif state.branch[i] == SATURATED or (state.branch[i] == NONE and state.max_density_ratio[i] < law.limit):
-        state.branch[i] = HECKEL
+        state.regime[i] = LINE
+    elif state.regime[i] == SATURATED or (state.regime[i] == NONE and state.max_density_ratio[i] < law.limit):
+        state.regime[i] = HECKEL
     else:
-        state.branch[i] = SATURATED
+        state.regime[i] = SATURATED
 
 
 @compiled
 def _threshold(problem, state, y, event, stress_end):
     """Return the plastic volume strain at which an event happens, 0 for those of the pressure, or NaN for none."""
     law, stack, _, _ = problem
-    n = len(state.yielding)
+    n = len(state.regime)
     i = event % n
-    branch, unloads = state.branch[i], stress_end < y[STRESS]
-    if not state.yielding[i] or state.on_line[i]:
+    regime, unloads = state.regime[i], stress_end < y[STRESS]
+    if regime <= LINE:
         return np.nan
     if event < n:
-        k = state.max_density_ratio[i] if branch == NONE else law.limit
-        return np.nan if law.flat and branch == SATURATED else np.log(k / stack.density_ratio[i])
-    happens = law.flat and branch != NONE if event >= 2 * n else law.line and y[STRESS] < y[COLUMN_STATE + 2 * i]
+        k = state.max_density_ratio[i] if regime == NONE else law.limit
+        return np.nan if law.flat and regime == SATURATED else np.log(k / stack.density_ratio[i])
+    happens = law.flat and regime != NONE if event >= 2 * n else law.line and y[STRESS] < y[COLUMN_STATE + 2 * i]
     return 0.0 if unloads and happens else np.nan
 
 
@@ -368,13 +359,13 @@ def _distance(problem, state, y, goal):
     """Return how far a state is beyond a threshold of `_threshold`, or the vertical stress beyond it (event -1)."""
     event, threshold = goal
     law, stack, _, _ = problem
-    n = len(state.yielding)
+    n = len(state.regime)
     i = event % n
     if event < 0:
         return y[STRESS] - threshold
     if event < n:
         rise = y[COLUMN_STATE + 2 * i + 1] - threshold
-        return -rise if state.branch[i] == SATURATED else rise
+        return -rise if state.regime[i] == SATURATED else rise
     k = max(_event_state(stack, y, i)[2], state.max_density_ratio[i])
     end = _yield_surface(law, k)[1] if event >= 2 * n else _corner_pressure(law, k) * CORNER_SIDE - law.pt
     return threshold + end - y[COLUMN_STATE + 2 * i]
@@ -387,9 +378,9 @@ def _locate_event(u, step, stages, problem, state, error_scale, goal):
     event, value = goal
     low, high, below, above = 0.0, step, _distance(problem, state, y, goal), _distance(problem, state, z, goal)
     scale, rounding = error_scale[STRESS], EVENT_ROUNDING * max(abs(value), abs(y[STRESS]))
-    if 0 <= event < len(state.yielding):
+    if 0 <= event < len(state.regime):
         scale, rounding = error_scale[COLUMN_STATE + 1], STRAIN_ROUNDING
-    elif (state.branch == SATURATED).any():
+    elif (state.regime == SATURATED).any():
         rounding += STRAIN_ROUNDING * problem[0].saturation
     tolerance = max(EVENT_TOLERANCE * scale, rounding)
     for _ in range(EVENT_ITERATIONS_MAX + 1):
@@ -414,11 +405,11 @@ def _rates(u, y, out, problem, state):
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         dp, dV, dshear = 1 / (1 + 4 * law.G / law.K / 3), 0.0, 0.0
-        if state.yielding[i]:
+        if state.regime[i] != ELASTIC:
             k = state.max_density_ratio[i]
-            if state.branch[i] != NONE:
+            if state.regime[i] != NONE:
                 k = max(k, stack.density_ratio[i] * np.exp(V))
-            dp, dV, dshear = _stress_rates(law, (stress, p, k), state.branch[i], state.on_line[i])
+            dp, dV, dshear = _stress_rates(law, (stress, p, k), state.regime[i])
         height, D = stack.height[i], 1.5 * (stress - p)
         if logarithmic:
             height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
@@ -439,22 +430,22 @@ def _rates(u, y, out, problem, state):
 
 
 @inlined
-def _stress_rates(law, point, branch, on_line):
+def _stress_rates(law, point, regime):
     """Return dp, dV and the plastic shear strain Q w per unit of s_v of a column that yields, in the symbols above.
 
-    `point` as of `yield_stress`. The curves of a branch go on beyond its ends, so that a step past an end is smooth.
+    `point` as of `yield_stress`. The curves of a regime go on beyond its ends, so that a step past an end is smooth.
     """
     stress, p, k = point
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
-    if on_line:
+    if regime == LINE:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
         w = (ratio * dp - 1.5 * (1 - dp)) / (law.G * (3 * sign + 2 * law.dilatancy))
         return dp, -law.dilatancy * w, sign * w
     pc, u, H, U = hardening(law, k)[0], reaction(law, k)[0], 0.0, 0.0
-    if branch == HECKEL:
+    if regime == HECKEL:
         (pc, H), u = heckel_curve(law, k), 0.0
-    elif branch == SATURATED:
+    elif regime == SATURATED:
         pc, u, U = hardening(law, law.limit)[0], law.saturation * np.log(k / law.limit), law.saturation
     a, c = (pc + law.pt) / 2, (pc - law.pt) / 2 + u
     P, Q, p0 = p - c, 1.5 * (stress - p) / law.M**2, min(c, 0.0) if law.flat else c

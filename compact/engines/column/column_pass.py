@@ -32,8 +32,7 @@ SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose 
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
 REBOUND_SHARE_MAX = 2.0  # [-], rise of the gap behind the roller over the indentation, in which unloading must end
 PLATE = GapShape(0.0, 0.0)
-PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
-STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
+PATH_ROWS = 256  # [-], rows by which a path grows on demand, hence of one compiled call; 50 are usual
 TARGET_TOLERANCE = 10.0  # [-], residual of a prescribed quantity that is guaranteed, over `rtol`
 SEARCH_TOLERANCE = 0.02  # [-], relative error of the indentation that is sought, over `rtol`
 ESTIMATE_TOLERANCE = 1e-3  # [-], relative error of the stress for an error scale and a first guess
@@ -195,17 +194,13 @@ class ColumnLayer:
         number of evaluations of the rates.
         """
         n = len(self.stack.height)
-        path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
-        regime = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.int64)
+        path, counts = np.empty((PATH_ROWS, len(y) + 1)), np.zeros(3, np.int64)
         largest = np.maximum(self.stack.max_density_ratio, self.stack.density_ratio if self.law.flat else 0.0)
-        state = ode.IntegrationState(largest, *regime, np.empty(n), np.zeros(1), counts)
+        state = ode.IntegrationState(largest, np.zeros(n, np.int64), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = self.law, self.stack, self.gap, self.logarithmic
-        status = ode.PAUSED
-        while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
-            status = ode.integrate_path(problem, control, state, path, max(STEPS_PER_CALL // n, 1))
-            if status == ode.PAUSED and counts[ode.ROW] + 1 == len(path):
-                path = np.concatenate([path, np.empty_like(path)])
+        while (status := ode.integrate_path(problem, control, state, path)) == ode.PAUSED:
+            path = np.concatenate([path, np.empty_like(path[:PATH_ROWS])])  # where a keyboard interrupt is raised
         path = path[: counts[ode.ROW] + 1]
         if status != ode.REACHED:
             x, x_end, x_start = self.gap.positions(np.array([path[-1, 0], control.coordinate_end, u])).tolist()
@@ -267,14 +262,7 @@ class ColumnLayer:
         )  # fmt: skip
 
 
-def column_layer(
-    columns: Sequence[Column],
-    material: Compaction,
-    rate_factor: float,
-    gap: GapShape,
-    logarithmic: bool = True,
-    lower_count: int = 0,
-) -> ColumnLayer:
+def column_layer(columns: Sequence[Column], material: Compaction, rate_factor: float, gap: GapShape) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest.
 
     Parameters
@@ -287,10 +275,6 @@ def column_layer(
         Factor of pc [-].
     gap : GapShape
         Gap between roller and layer.
-    logarithmic : bool
-        True for logarithmic strains, False for small ones.
-    lower_count : int
-        Number of columns of a lower lift.
 
     Returns
     -------
@@ -307,7 +291,7 @@ def column_layer(
     require_finite(lateral_stress=lateral_stress)
     require_that(density_ratio < 1, density_ratio, "`density_ratio` must be below 1, got")
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
-    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, logarithmic, lower_count)
+    return ColumnLayer(cap_constants(material, rate_factor), stack, gap)
 
 
 def solve_target(layer: Any, compute: Callable[[float], Contact], name: str, value: float, tolerance: float) -> Contact:
@@ -361,10 +345,10 @@ def solve_target(layer: Any, compute: Callable[[float], Contact], name: str, val
 
 
 def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float:
-    """Compute the indentation of a plate [m] at which the columns reach a stress [Pa], by one path to that stress."""
-    limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
+    """Compute the indentation of a plate, the gap of a layer, at which it reaches a stress [Pa], by one path [m]."""
+    limit = layer.max_indentation
     control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
-    path, _, _ = plate.integrate(limit, layer.initial_state, control)
+    path, _, _ = layer.integrate(limit, layer.initial_state, control)
     if path[-1, 1 + STRESS] < pressure:
         raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
     return float(limit - path[-1, 0])

@@ -151,7 +151,8 @@ def roll_over(
     require_known("strain", strain, ("logarithmic", "small"))
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
-    layer = column_layer((*lower, *columns), material, 1.0, gap, strain == "logarithmic", len(lower))
+    layer = column_layer((*lower, *columns), material, 1.0, gap)
+    layer = replace(layer, logarithmic=strain == "logarithmic", lower_count=len(lower))
     if material.rate_sensitivity:
         grains = sum(column_pass.grain_height(each, layer.law.K) for each in columns)
         fed_height = grains / material.fed_density_ratio  # of the columns, which earlier passes may have compacted
@@ -174,9 +175,7 @@ def roll_over(
     return rolling_contact.require_on_target(rolled, roller, tolerance, exit_density_ratio=exit_density_ratio)
 
 
-def lower_columns(
-    lift: LowerLift | None, material: Compaction, radius: float | None, speed: float
-) -> tuple[Column, ...]:
+def lower_columns(lift: LowerLift | None, material: Compaction, radius: float | None, speed: float) -> Sequence[Column]:
     """Return the column of a lower lift before the pass; none on the rigid base.
 
     Parameters
@@ -205,7 +204,6 @@ def required_feed(
     speed: float,
     *,
     radius: float | None = None,
-    rtol: float = INTEGRATION_RTOL,
     lower_lift: LowerLift | None = None,
 ) -> RequiredFeed:
     """Compute the height of fresh mix and the indentation for a product after one pass and its rebound.
@@ -220,8 +218,6 @@ def required_feed(
         Speed of the roller [m/s].
     radius : float, optional
         Roller radius [m]; required for a mix with a rate sensitivity.
-    rtol : float
-        Error of a step over the size of the whole pass [-].
     lower_lift : LowerLift, optional
         Lift below, whose settlement adds to the indentation.
 
@@ -234,14 +230,13 @@ def required_feed(
     _require_compaction(material)
     if material.rate_sensitivity and radius is None:
         raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
-    factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
+    factor, rtol, lower = 1.0, INTEGRATION_RTOL, lower_columns(lower_lift, material, radius, speed)
+    name, tolerance = "exit_density_ratio", column_pass.TARGET_TOLERANCE * rtol
     for _ in range(FEED_TRIALS_MAX):
         # the density after a pass depends on its lowest height alone, so that a plate stands for the roller
         fresh = column_layer((Column(1.0, material.fed_density_ratio),), material, factor, PLATE)
-        result = _sampled_pass(fresh, "exit_density_ratio", exit_density_ratio, rtol)
-        rolling_contact.require_target_reached(
-            "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, column_pass.TARGET_TOLERANCE * rtol
-        )
+        result = _sampled_pass(fresh, name, exit_density_ratio, rtol)
+        rolling_contact.require_target_reached(name, exit_density_ratio, result.exit_density_ratio, tolerance)
         scale, settlement = height / result.exit_height, 0.0
         if lower:
             below = column_layer(lower, material, factor, PLATE)
@@ -252,18 +247,16 @@ def required_feed(
             factor = material.rate_factor(rate)
         if abs(factor / before - 1) <= rtol:
             return feed
-    raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
+    raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}")
 
 
-def simulate_oedometer(material: Compaction, pressure: ArrayLike, *, rtol: float = INTEGRATION_RTOL) -> OedometerResult:
+def simulate_oedometer(material: Compaction, pressure: ArrayLike) -> OedometerResult:
     """Simulate confined compression of fresh mix through vertical stresses in turn, up or down.
 
     Parameters
     ----------
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
-    rtol : float
-        Error of a step over the size of the whole test [-].
 
     Raises
     ------
@@ -279,11 +272,10 @@ def simulate_oedometer(material: Compaction, pressure: ArrayLike, *, rtol: float
     (['0.9400', '0.9707', '0.9707'], 'residual stress 43 kPa')
     """
     _require_compaction(material)
-    pressure = np.atleast_1d(np.asarray(pressure, dtype=float))
+    pressure = np.atleast_1d(np.asarray(pressure, float))
     require_nonnegative(pressure=pressure)
-    require_positive(rtol=rtol)
     layer = column_layer((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE)
-    y, error_scale, rows = layer.initial_state, layer.error_scale(layer.max_indentation, rtol), []
+    y, error_scale, rows = layer.initial_state, layer.error_scale(layer.max_indentation, INTEGRATION_RTOL), []
     for stress in pressure.tolist():
         coordinate_end = -1.0 if stress > y[STRESS] else 1.0
         path, layer, _ = layer.integrate(0.0, y, PathControl(coordinate_end, stress, error_scale, np.inf))

@@ -133,9 +133,7 @@ class _OwnLayer:
         def unload(place: float) -> tuple[float, Any]:
             return self._advance(state, np.array([start[1], lowest + self.gap.at(np.array(place))]))
 
-        rear = float(
-            brentq(lambda place: stresses[-1] if place == start[0] else unload(place)[0], places[reached], start[0])
-        )
+        rear = brentq(lambda place: stresses[-1] if place == start[0] else unload(place)[0], places[reached], start[0])
         exit_height = float(lowest + self.gap.at(np.array(rear)))
         x, pressure = np.append(places[:reached], rear)[::-1], np.append(stresses, 0.0)[::-1]
         return Contact(

@@ -54,7 +54,6 @@ RATIO = 2  # [-], of the elements of successive meshes, and of the parts of a st
 CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction; see docs/theory/compaction.md
 TYPICAL_CHANGE = 0.1  # [-], of the forces over the length of an increment in contact lengths, least measured one
 TYPICAL_REFINEMENT = 0.1  # [-], of the forces over the squared length of an element, median of random lifts
-COARSE_LEEWAY = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 MAX_ELONGATED_SHARE = 0.7  # [-], largest depth over the layer height on a frictionless base
 NEIGHBOUR_DEPTH = 1.03  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
 
@@ -279,15 +278,14 @@ def roll(
     if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target)
     with threadpool_limits(1):
-        search = None if start is None else _neighbour(case, target, start)
+        search = None if start is None else _neighbour(target, start)
         if start is not None and search is not None:
             search.run()
             return _to_result(search, start.error_parts.mesh)
         for elements, parts in refinements(numerics.increments):
             depth = target.initial_depth() if search is None else search.depth
             rolling = case.roller_at_rest(case.create_frame(depth, elements), parts)
-            leeway = 1.0 if parts == PARTS else COARSE_LEEWAY
-            search = SteadySearch(case, target, rolling, depth, leeway=leeway, coarse=search)
+            search = SteadySearch(target, rolling, depth, search)
             search.run()
         assert search is not None  # there is a refinement
         return _to_result(search)
@@ -337,9 +335,9 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     return load_error, resistance_error
 
 
-def _neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> SteadySearch | None:
+def _neighbour(target: DepthTarget, start: CompactionContactResult) -> SteadySearch | None:
     """Return the search from a result, or None if its depth is not near enough; raise if its layer is another one."""
-    old, frame = start.solution, start.solution.frame
+    case, old, frame = target.case, start.solution, start.solution.frame
     same_base = (case.layer.base == "slip") == frame.has_frictionless_base
     if case.fed_layer is not frame.inflow or not same_base or case.layer.lower_lift != start.layer.lower_lift:
         raise ValueError("`start` must have the same `base`, `lower_lift` and `fed_layer`, got a result of others")
@@ -347,8 +345,9 @@ def _neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactR
     ratio = depth / start.indentation
     if max(ratio, 1 / ratio) > NEIGHBOUR_DEPTH:
         return None
-    relaxation, stretched = start.relaxation.at_depth(depth / old.depth), case.stretched(old, depth)
-    return SteadySearch(case, target, stretched, depth, relaxation=relaxation, known_factor=start.load_factor)
+    search = SteadySearch(target, case.stretched(old, depth), depth)
+    search.relaxation, search.known_factor = start.relaxation.at_depth(depth / old.depth), start.load_factor
+    return search
 
 
 def _to_result(search: SteadySearch, known_mesh: tuple[float, float] | None = None) -> CompactionContactResult:
@@ -369,7 +368,7 @@ def _to_result(search: SteadySearch, known_mesh: tuple[float, float] | None = No
     density = target.value if target.quantity == "exit_density_ratio" else None
     if density is not None and not solution.frame.solid.finite:
         tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
-    rolling_contact.require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    rolling_contact.require_on_target(rolled, case.roller, tolerance, exit_density_ratio=density, torque=torques)
     mesh = known_mesh or mesh_errors(search)
     if mesh is not None:  # the work balance is another estimate of the resistance
         mesh = mesh[0], max(mesh[1], rolled.work_residual or 0.0)

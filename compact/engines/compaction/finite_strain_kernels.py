@@ -24,7 +24,6 @@ from compact.numerics.jit import compiled, inlined, internal, is_compiled
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 
 Gradient = tuple[float, float, float, float]
-Values = tuple[float, float, float, float, float, float]
 
 
 def announce_compilation(report: Callable[[str], None] | None) -> None:
@@ -132,49 +131,19 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
 
 
 @inlined
-def integrate_interval(
-    law: tuple,
-    values: Values,
-    before: Gradient,
-    after: Gradient,
-    multipliers: Array,
-    carried: float,
-    path_derivatives: Array,
-) -> tuple:
+def _integrate_interval(law, values, before, after, multipliers, carried, derivatives):
     """Integrate the constitutive law at one point between two displacement gradients.
 
-    Parameters
-    ----------
-    law : tuple
-        `CapConstants`, True for a shear line or None, True for finite strain.
-    values : tuple of float
-        Values before the increment.
-    before, after : tuple of float
-        Displacement gradients [-].
-    multipliers, carried, path_derivatives
-        As of `integrate_path`; derivatives in the unrotated frame.
-
-    Returns
-    -------
-    good : bool
-        False if an element inverts or the return mapping does not converge.
-    values : tuple of float
-        Values after the increment.
-    plastic_work : float
-        Plastic work in the current volume [J/m3].
-    work : float
-        Work of deformation [J/m3 of fed mix].
-    frame : tuple of float
-        Cosine and sine of the rotation, for `stress_derivatives`.
+    Arguments beyond `law` of `integrate_elements` and the `values` and gradients at the point are as of
+    `integrate_path`. Returns success, the values after the increment, plastic work in the current volume [J/m3], work
+    of deformation [J/m3 of fed mix], and cosine and sine of the rotation.
     """
     constants, line, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
-    converged, end, plastic_work, work = integrate_path(
-        constants, line, values, strain, multipliers, carried, path_derivatives
-    )
+    converged, end, plastic, work = integrate_path(constants, line, values, strain, multipliers, carried, derivatives)
     xx, yy, xy = _rotate(end[0], end[1], end[3], c, s)
     rotated = (xx, yy, end[2], xy, end[4], end[5])
-    return valid and converged, rotated, plastic_work, volume * work, (c, s)
+    return valid and converged, rotated, plastic, volume * work, (c, s)
 
 
 @internal
@@ -185,23 +154,11 @@ def _rotate(xx, yy, xy, c, s):
 
 
 @inlined
-def stress_derivatives(
-    values: Values, frame: tuple, path_derivatives: Array, kinematics: Array, derivatives: Array
-) -> None:
-    """Write the derivatives of the stress after an increment by the gradient after it, in the axes of the layer.
+def _stress_derivatives(values, frame, path_derivatives, kinematics, derivatives):
+    """Write the derivatives of the stress (xx, yy, xy) after an increment by the gradient after it, shape (3, 4).
 
-    Parameters
-    ----------
-    values : tuple of float
-        Values after the increment.
-    frame : tuple of float
-        Cosine and sine of the rotation.
-    path_derivatives : ndarray, shape (6, 3)
-        Derivatives by the strain in the unrotated frame, as of `integrate_path`.
-    kinematics : ndarray, shape (4, 4)
-        As of `strain_derivatives`.
-    derivatives : ndarray, shape (3, 4)
-        Output, derivatives of the stress (xx, yy, xy).
+    `path_derivatives`, shape (6, 3), are those by the strain in the unrotated frame as of `integrate_path`, and
+    `kinematics`, shape (4, 4), as of `strain_derivatives`.
     """
     c, s = frame
     for j in range(4):
@@ -261,7 +218,7 @@ def integrate_elements(
             old = _gradient(displacements[0], nodes[element], shapes)
             new = _gradient(displacements[1], nodes[element], shapes)
             values = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
-            good, values, dissipated, done, frame = integrate_interval(
+            good, values, dissipated, done, frame = _integrate_interval(
                 law, values, old, new, multipliers[i], carried[i] if len(carried) else np.nan, path_derivatives
             )
             if not good:
@@ -274,7 +231,7 @@ def integrate_elements(
             _add_forces(_piola_stress(values, cofactors), areas[i], shapes, forces[element])
             if tangent:
                 strain_derivatives(old, new, law[2], kinematics)
-                stress_derivatives(values, frame, path_derivatives, kinematics, derivatives)
+                _stress_derivatives(values, frame, path_derivatives, kinematics, derivatives)
                 _piola_derivatives(values, cofactors, law[2], derivatives, by_gradient)
                 _add_stiffness(by_gradient, areas[i], shapes, products, stiffness[element])
     return -1

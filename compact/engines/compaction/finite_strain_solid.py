@@ -71,12 +71,17 @@ class FiniteStrainSolid:
         Prescribed degrees of freedom; node i has 2 i and 2 i + 1.
     finite : bool
         True for finite strain, False for small strain.
-    rate_factor : float
-        Factor of the yield pressure by the speed [-].
-    travel : float
-        Travel of the roller in one increment [m], over which a shear viscosity acts.
     substeps : int
         Substeps of the stress integration in one increment.
+
+    Attributes
+    ----------
+    rate_factor : float
+        Factor of the yield pressure by the speed [-]; 1 until it is set.
+    travel : float
+        Travel of the roller in one increment [m], over which a shear viscosity acts.
+    air_forces : ndarray, shape (elements, 16), or None
+        Nodal forces of pore air in the elements [N/m], of the total stress.
     """
 
     def __init__(
@@ -86,16 +91,14 @@ class FiniteStrainSolid:
         *,
         fixed_dofs: ArrayLike = (),
         finite: bool = True,
-        rate_factor: float = 1.0,
-        travel: float = np.inf,
         substeps: int = SUBSTEPS,
     ) -> None:
         if not isinstance(mesh, MeshQuad):
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
-        self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
-        self.finite, self.travel = finite, travel
-        self.air_forces: Array | None = None  # nodal forces of pore air in the elements [N/m], of the total stress
+        self.material, self.finite, self.substeps = material, finite, substeps
+        self.rate_factor, self.travel = 1.0, np.inf
+        self.air_forces: Array | None = None
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 

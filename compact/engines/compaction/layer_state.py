@@ -56,11 +56,11 @@ class LayerState:
         """Return the layer with its lowest rows, a number of them, as lower lift; the inverse of `stacked`."""
         if not count:
             return self
-        layer, lower = (
-            LayerState(self.heights[rows], self.points.map(lambda values, rows=rows: values[rows]))
-            for rows in (slice(count, None), slice(count))
-        )
-        return replace(layer, lower=lower)
+
+        def part(rows: slice) -> LayerState:
+            return LayerState(self.heights[rows], self.points.map(lambda values: values[rows]))
+
+        return replace(part(slice(count, None)), lower=part(slice(count)))
 
     @property
     def y(self) -> Array:

@@ -196,6 +196,11 @@ class ReciprocatingRoller:
         Torque per unit length on a rotating roller, + along its travel [N].
     position : float
         x of the roller [m].
+
+    Attributes
+    ----------
+    is_set_valued : bool
+        True if the friction or torque change sign with the travel.
     """
 
     def __init__(
@@ -205,16 +210,12 @@ class ReciprocatingRoller:
         frame.solid.substeps = MIN_SUBSTEPS  # as in a part of `rolling`
         self.surface = roller_surface(frame, roller, torque, low=strokes.low, position=float(position))
         self._friction, self._tangential_force = self.surface.friction, self.surface.tangential_force  # along +x
+        self.is_set_valued = bool(self._tangential_force if self.surface.rotates else self._friction)
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
         self.state = frame.initial_state()
         self._past: list[tuple[float, float, ContactForces, Array]] = []  # place, travel, contact, change of steps
         self.contact = self.surface.normal_contact(self._surface_displacement)
         self.angle, self.input_work, self.slip_work, self.stored_work = 0.0, 0.0, 0.0, 0.0
-
-    @property
-    def is_set_valued(self) -> bool:
-        """True if the friction or torque change sign with the travel."""
-        return bool(self._tangential_force if self.surface.rotates else self._friction)
 
     @property
     def record(self) -> dict[str, float]:
@@ -245,7 +246,7 @@ class ReciprocatingRoller:
         tractions = solution.contact.at(self.frame.surface_x - shift, solution.frame.surface_x)
         self.state = transfer_state(solution.state, solution.frame, self.frame, shift)
         surface = replace(self._surface_along(1.0), bottom_height=solution.steps[-1].bottom_height)
-        self.surface = surface.with_multipliers(tractions).begin_increment(self._surface_displacement)
+        self.surface = replace(surface, multipliers=tractions).begin_increment(self._surface_displacement)
         self.contact = self.surface.contact_forces(self._surface_displacement)
 
     def rate_factor(self, speed: float, bottom_height: float | None = None) -> float:
@@ -291,7 +292,7 @@ class ReciprocatingRoller:
         sign = float(np.sign(travel)) if sign is None else sign
         forces_before = old.load_and_resistance(self.contact)
         tractions, prediction = self._predict(travel)
-        surface = self._surface_along(sign).with_multipliers(tractions)
+        surface = replace(self._surface_along(sign), multipliers=tractions)
         surface = surface.begin_increment(self._surface_displacement).moved_to(bottom_height, x)
         solid.rate_factor, solid.travel = rate_factor, abs(travel) or self.frame.step
         try:
@@ -322,7 +323,7 @@ class ReciprocatingRoller:
         self.stored_work += float(solid.point_areas @ (equilibrium.state.work - self.state.work))
         self._past = [*self._past[1 - STEPS_PER_ELEMENT :], (x, travel, contact, change)]
         self.state, self.contact = equilibrium.state, contact
-        self.surface = surface.with_multipliers(contact)
+        self.surface = replace(surface, multipliers=contact)
 
     @property
     def _surface_displacement(self) -> Array:
@@ -350,8 +351,9 @@ class ReciprocatingRoller:
     @cached_property
     def _shift_matrices(self) -> dict[float, csr_matrix]:
         """Matrices that shift nodal fields by one element, by the sign of the travel."""
-        (x, y), step, matrix = self.frame.nodes.T, self.frame.step, self.frame.interpolation_matrix
-        return {sign: matrix(np.array([np.clip(x - sign * step, x.min(), x.max()), y])) for sign in (1.0, -1.0)}
+        (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
+        low, high = x.min(), x.max()
+        return {sign: probes(np.array([np.clip(x - sign * self.frame.step, low, high), y])) for sign in (1.0, -1.0)}
 
     def _solve_augmented(self, surface: RollerSurface, guess: Array) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
@@ -366,7 +368,7 @@ class ReciprocatingRoller:
             contact = equilibrium.contact
             if surface.multiplier_error(contact) <= MULTIPLIER_TOLERANCE * contact.pressure.max():
                 break
-            surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
+            surface, guess = replace(surface, multipliers=contact), equilibrium.state.displacement
         return equilibrium
 
     def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:

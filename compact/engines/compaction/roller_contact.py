@@ -144,10 +144,6 @@ class RollerSurface:
         """Return the surface with the lowest generatrix at a height and a position [m]."""
         return replace(self, bottom_height=bottom_height, position=position)
 
-    def with_multipliers(self, tractions: ContactTractions) -> Self:
-        """Return the surface with the tractions of the last increment as multipliers."""
-        return replace(self, multipliers=tractions)
-
     def multiplier_error(self, contact: ContactForces) -> float:
         """Return the largest difference between the tractions and their multipliers [Pa]."""
         names = ("pressure", "shear") if self.rotates else ("pressure",)
@@ -217,19 +213,14 @@ class RollerSurface:
             outside = np.where(np.abs(x) < self.radius, circle, np.inf)
             rise = x**2 / (2 * self.radius) if self.profile == "parabola" else outside
             gap = self.bottom_height + rise - self.coordinates[:, 1] - displacement[:, 1]
-        t, pressure = _turned(n), self._pressure(gap)
+        t, pressure = _turned(n), np.maximum(self.multipliers.pressure - self.penalty * gap, 0.0)
         direction = n + ratio * t
         stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
         # rotation of the normal as the node moves along the roller
         geometric = (self.weights * pressure / distance)[:, None, None]
         stiffness -= geometric * (t - ratio * n)[:, :, None] * t[:, None, :]
-        return ContactForces(
-            pressure=pressure,
-            shear=ratio * pressure,
-            gap=gap,
-            forces=(self.weights * pressure)[:, None] * direction,
-            stiffness=stiffness,
-        )
+        forces = (self.weights * pressure)[:, None] * direction
+        return ContactForces(pressure=pressure, shear=ratio * pressure, gap=gap, forces=forces, stiffness=stiffness)
 
     def profile_slope(self) -> Array:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
@@ -276,10 +267,6 @@ class RollerSurface:
         ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
         distance = np.hypot(*ray.T)
         return ray / distance[:, None], distance
-
-    def _pressure(self, gap):
-        relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
-        return np.maximum(self.multipliers.pressure - relieved, 0.0)
 
     def _penalty_stiffness(self, pressure):
         """Return minus the derivative of the nodal force by the gap [N/m2], shape (n,)."""

@@ -117,8 +117,15 @@ class RollerFrame:
         Lower lift under fresh mix; none by default.
     finite : bool
         True for finite strain, False for small strain.
-    rate_factor : float
-        Factor of the yield pressure by the rate of compaction [-].
+
+    Attributes
+    ----------
+    surface_nodes, surface_x, surface_weights : ndarray, shape (n,)
+        Nodes of the surface, their x and integration weights [m].
+    row_x, row_y, row_heights : ndarray
+        x and height of columns and rows of Gauss points, and heights of the fed mix that the rows represent [m].
+    exit_distance, exit_column : float, int
+        Distance from the lowest generatrix at which the mix leaves [m], and the column of Gauss points there.
     """
 
     def __init__(
@@ -131,24 +138,25 @@ class RollerFrame:
         fed_layer: LayerState | None = None,
         lower: LayerState | None = None,
         finite: bool = True,
-        rate_factor: float = 1.0,
     ) -> None:
         self.mesh, self.contact_length = mesh, contact_length
         self.step = float(np.diff(mesh.x[-1]).min())
         self.has_frictionless_base = base == "slip"
-        self.nodes = FiniteStrainSolid(mesh, material).basis.doflocs.T
+        self.solid = FiniteStrainSolid(mesh, material, finite=finite)
+        self.nodes = self.solid.basis.doflocs.T
         x, y = self.nodes.T
         # fixed by the base and the fed mix ahead, and behind the roller by bonded mix
         near = SAME_PLACE * np.ptp(y)
         bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near
         along = front | ((rear | bottom) & (base == "bonded"))
-        fixed = np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1])
-        self.solid = FiniteStrainSolid(
-            mesh, material, fixed_dofs=fixed, finite=finite, rate_factor=rate_factor, travel=self.step
-        )
+        self.solid.fixed_dofs = np.unique(np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1]))
+        self.solid.travel = self.step
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
         self.surface_x = x[self.surface_nodes]
+        sizes, self.surface_weights = np.diff(mesh.x[-1]) / 6, np.zeros(len(surface))  # by Simpson's rule
+        for first, share in ((0, 1), (1, 4), (2, 1)):
+            self.surface_weights[first : first + 2 * len(sizes) - 1 : 2] += share * sizes
         # from nodal displacements to those one step upstream, 0 beyond the front
         inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
         source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
@@ -161,6 +169,10 @@ class RollerFrame:
         self._row_layout = index.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns)
         coordinates = self.solid.point_coordinates[self._row_layout]
         self.row_x, self.row_y = coordinates[0, :, 0], coordinates[:, 0, 1]
+        self.row_heights = np.repeat(np.diff(mesh.y) / 2, 2)
+        self.exit_distance = UNIFORM_BEHIND * contact_length + EXIT_DISTANCE * mesh.height
+        self.exit_column = int(np.searchsorted(self.row_x, -self.exit_distance))
+        self._first_uniform = int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * mesh.height))
         self.inflow = fed_layer
         lower = lower if fed_layer is None else fed_layer.lower
         lower = None if lower is None else lower.stacked
@@ -172,30 +184,6 @@ class RollerFrame:
             layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows], material))
         self.fed_layer = layer
         self._fed_points = layer.stacked.points
-
-    @property
-    def surface_weights(self) -> Array:
-        """Integration weights of the surface nodes by Simpson's rule [m], shape (n,)."""
-        sizes = np.diff(self.mesh.x[-1])
-        weights = np.zeros(len(self.surface_nodes))
-        for first, share in ((0, 1), (1, 4), (2, 1)):
-            weights[first : first + 2 * len(sizes) - 1 : 2] += share * sizes / 6
-        return weights
-
-    @property
-    def exit_column(self) -> int:
-        """Index of the column of Gauss points at which the mix leaves."""
-        return int(np.searchsorted(self.row_x, -self.exit_distance))
-
-    @property
-    def exit_distance(self) -> float:
-        """Distance from the lowest generatrix to the exit column [m]."""
-        return UNIFORM_BEHIND * self.contact_length + EXIT_DISTANCE * self.mesh.height
-
-    @property
-    def row_heights(self) -> Array:
-        """Heights of the fed mix that the rows of Gauss points represent, from the rigid base up [m]."""
-        return np.repeat(np.diff(self.mesh.y) / 2, 2)
 
     def initial_state(self) -> SolidState:
         """Return the state of the fed layer before the roller arrives."""
@@ -269,7 +257,7 @@ class RollerFrame:
         state : SolidState
             State of the layer.
         """
-        column = self._first_uniform_column
+        column = self._first_uniform
 
         def uniform(values: Array) -> Array:
             rows = self.to_rows(values)
@@ -292,21 +280,16 @@ class RollerFrame:
         uniform = values.copy()
         uniform[behind] = matrix @ values
         if self.has_frictionless_base:
-            along = self.to_rows(self.solid.displacement_gradient(values)[:, 0])[:, self._first_uniform_column]
-            ahead = self.nodes[behind, 0] - self.row_x[self._first_uniform_column]
+            along = self.to_rows(self.solid.displacement_gradient(values)[:, 0])[:, self._first_uniform]
+            ahead = self.nodes[behind, 0] - self.row_x[self._first_uniform]
             uniform[behind, 0] += self.row_heights @ along / self.mesh.height * ahead
         return uniform
 
-    @property
-    def _first_uniform_column(self):
-        """Index of the column of Gauss points behind which mix may be made uniform."""
-        return int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
-
     @cached_property
     def _rear_nodes(self):
-        """Nodes behind that column, and the matrix of values in it at their heights."""
+        """Nodes behind the column from which mix may be made uniform, and the matrix of its values at their heights."""
         x, y = self.nodes.T
-        end = self.row_x[self._first_uniform_column]
+        end = self.row_x[self._first_uniform]
         behind = np.flatnonzero(x < end)
         return behind, self.interpolation_matrix(np.array([np.full(behind.size, end), y[behind]]))
 
@@ -412,14 +395,10 @@ class RollerFrame:
             "density_under_load": points.density_under_load(self.solid.material),
             "plastic_work": points.plastic_work,
         }
-        return meshio.Mesh(
-            np.pad(self.nodes * mirror, ((0, 0), (0, 1))),
-            [("quad8", self.solid.basis.element_dofs.T)],
-            point_data={"displacement": np.pad(state.displacement * mirror, ((0, 0), (0, 1)))},
-            cell_data={
-                name: [values.reshape(count, -1, *values.shape[1:]).mean(axis=1)] for name, values in fields.items()
-            },
-        )
+        means = {name: [each.reshape(count, -1, *each.shape[1:]).mean(axis=1)] for name, each in fields.items()}
+        nodes, displacement = (np.pad(each * mirror, ((0, 0), (0, 1))) for each in (self.nodes, state.displacement))
+        cells = [("quad8", self.solid.basis.element_dofs.T)]
+        return meshio.Mesh(nodes, cells, {"displacement": displacement}, means)
 
     def _convect_points(self, values, fed):
         """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""

@@ -108,18 +108,11 @@ def roller_surface(
     """
     coordinates, height = frame.nodes[frame.surface_nodes] + [low, 0.0], frame.mesh.height
     rotates = roller.rolling in ("free", "driven") and roller.friction > 0
-    return RollerSurface(
-        coordinates,
-        frame.surface_weights,
-        roller.radius,
-        height,
-        PENALTY * frame.solid.material.unloading_modulus / min(frame.step, height / PENALTY_ROWS),
-        roller.profile,
-        0.0 if roller.rolling == "frictionless" else roller.friction,
-        -torque / roller.radius if rotates else None,
-        ContactTractions(*np.zeros((2, len(coordinates)))),
-        position,
-    )
+    penalty = PENALTY * frame.solid.material.unloading_modulus / min(frame.step, height / PENALTY_ROWS)
+    friction, force = 0.0 if roller.rolling == "frictionless" else roller.friction, -torque / roller.radius
+    geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, roller.profile
+    tractions = ContactTractions(*np.zeros((2, len(coordinates))))
+    return RollerSurface(*geometry, friction, force if rotates else None, tractions, position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,15 +151,15 @@ class IncrementalRolling:
         Roller.
     torque : float
         Torque on a roller that rotates, + along the travel [N].
-    max_wave_height : float
-        Height above the lowest generatrix that the bow wave may reach [m].
     parts : int
         Parts of a step.
-    progress : callable, optional
-        Called with a line of text after each step.
 
     Attributes
     ----------
+    max_wave_height : float
+        Height above the lowest generatrix that the bow wave may reach [m].
+    progress : callable or None
+        Called with a line of text after each step.
     state : SolidState
         Current state of the layer.
     surface : RollerSurface
@@ -179,21 +172,14 @@ class IncrementalRolling:
         Parts of the last step.
     """
 
-    def __init__(
-        self,
-        frame: RollerFrame,
-        roller: Roller,
-        torque: float = 0.0,
-        *,
-        max_wave_height: float = np.inf,
-        parts: int = PARTS,
-        progress: Progress | None = None,
-    ) -> None:
-        self.frame, self.max_wave_height, self.progress = frame, max_wave_height, progress
+    def __init__(self, frame: RollerFrame, roller: Roller, torque: float = 0.0, parts: int = PARTS) -> None:
+        self.frame, self.max_wave_height = frame, np.inf
+        self.progress: Progress | None = None
         frame.solid.travel, frame.solid.substeps = frame.step / parts, max(SUBSTEPS // parts, MIN_SUBSTEPS)
         # the slip of a part is as much smaller, and its multiplier shall change as fast
         self.surface = replace(roller_surface(frame, roller, torque), shear_penalty_ratio=float(parts))
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, ROLLING_TOLERANCE)
+        self._positions = frame.step * np.arange(1 - parts, 1) / parts  # of the roller at the ends of the parts [m]
         self._tangents: list[LinearSolver | None] = [None] * parts  # factorised, of the parts; copies share them
         self.state = frame.initial_state()
         self.parts = (RollingPart(self.surface.multipliers, np.zeros_like(self.state.displacement)),) * parts
@@ -241,7 +227,7 @@ class IncrementalRolling:
             last = pressures if part.carried_pressure is None else part.carried_pressure
             carried = last if isinstance(frame.solid.material, DruckerPragerCap) else None
             state = replace(state, carried_pressure=carried)
-            moved = surface.with_multipliers(part.contact).begin_increment(state.displacement[nodes])
+            moved = replace(surface, multipliers=part.contact).begin_increment(state.displacement[nodes])
             surface = moved.moved_to(float(height), position)
             prediction, fixed = state.displacement + part.displacement_change, frame.solid.fixed_dofs
             prediction.ravel()[fixed] = state.displacement.ravel()[fixed]
@@ -260,22 +246,25 @@ class IncrementalRolling:
                 carried = carried + CARRIED_SHARE * (pressures - carried)
             forces = *surface.load_and_resistance(contact), float(np.sum(surface.weights * contact.shear * slip))
             parts += (RollingPart(contact, change, *forces, carried),)
-            state, surface = equilibrium.state, surface.with_multipliers(contact)
+            state, surface = equilibrium.state, replace(surface, multipliers=contact)
 
         self.state, self.contact, self.surface, self.parts = state, equilibrium.contact, surface, parts
-        forces = np.mean([[part.load, part.resistance, part.slip_resistance] for part in parts], axis=0).tolist()
-        x, y = self.surface_positions.T
-        rise = y - frame.mesh.height
+        means = np.mean([[part.load, part.resistance, part.slip_resistance] for part in parts], axis=0)
+        load, resistance, slip_resistance = means.tolist()
+        travel, (x, y) = (self.steps[-1].travel if self.steps else 0.0) + frame.step, self.surface_positions.T
+        rise = np.maximum(y - frame.mesh.height, 0.0)
         step = RollingStep(
-            (self.steps[-1].travel if self.steps else 0.0) + frame.step,
-            surface.bottom_height,
-            *forces,
-            exit_density_ratio=frame.exit_density_ratio(self.state.points.density_ratio),
+            load=load,
+            resistance=resistance,
+            slip_resistance=slip_resistance,
+            travel=travel,
+            bottom_height=surface.bottom_height,
+            exit_density_ratio=frame.exit_density_ratio(state.points.density_ratio),
             peak_pressure=float(self.surface_traction(self.contact.pressure).max()),
             residual=equilibrium.residual,
             bow_wave=float(y.max() - frame.mesh.height),
-            wave_area=float(np.trapezoid(np.where(x > 0, np.maximum(rise, 0.0), 0.0), x)),
-            stored_area=frame.stored_area(self.state.displacement),
+            wave_area=float(np.trapezoid(np.where(x > 0, rise, 0.0), x)),
+            stored_area=frame.stored_area(state.displacement),
         )
         self.steps += (step,)
         if self.progress is not None:
@@ -305,11 +294,6 @@ class IncrementalRolling:
         reached = f"last step: travel {last.travel:.3g} m, {last}" if last else "no step before"
         raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
-    @property
-    def _positions(self) -> Array:
-        """Positions of the roller at the ends of the parts of a step [m]."""
-        return self.frame.step * np.arange(1 - len(self.parts), 1) / len(self.parts)
-
     def initialise_from(self, other: "IncrementalRolling", state: SolidState, depth: float | None = None) -> None:
         """Continue from the state of another roller.
 
@@ -332,10 +316,8 @@ class IncrementalRolling:
         nodes = other.frame.surface_x
         if depth is not None:
             nodes, places = x, self._positions
-        parts = (
-            RollingPart(part.contact.at(x - position, nodes - place), change)
-            for part, position, place in zip(known, self._positions, places, strict=True)
-        )
+        before = zip(known, self._positions, places, strict=True)
+        parts = (RollingPart(part.contact.at(x - now, nodes - place), change) for part, now, place in before)
         self.restart(state, parts)
 
     def restart(self, state: SolidState, parts: Iterable[RollingPart]) -> None:

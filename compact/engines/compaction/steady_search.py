@@ -22,7 +22,7 @@ import numpy as np
 
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE, IncrementalRolling
-from compact.engines.compaction.rolling_case import DepthSecant, DepthTarget, RollingCase
+from compact.engines.compaction.rolling_case import DepthSecant, DepthTarget
 from compact.engines.compaction.steady_state import QUANTITIES, BowWaveMode, ErrorParts, Relaxation, WaveDrift
 from compact.numerics import Array
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError, resistance_scale
@@ -60,25 +60,21 @@ class SteadySearch:
 
     Parameters
     ----------
-    case : RollingCase
-        Case, which stretches the mesh to other depths.
     target : DepthTarget
-        Prescribed quantity.
+        Prescribed quantity of a case, which stretches the mesh to other depths.
     rolling : IncrementalRolling
         Roller at rest or in any state; replaced where the mesh is stretched.
     depth : float
         First depth [m].
-    leeway : float
-        Tolerance of the prescribed quantity over that of the result [-].
     coarse : SteadySearch, optional
         Search on the mesh before, from whose state this one starts.
-    relaxation : Relaxation, optional
-        Slow relaxation of the bow wave.
-    known_factor : float
-        Load in the limit of short increments over that of this search, where none before determines it [-].
 
     Attributes
     ----------
+    relaxation : Relaxation
+        Slow relaxation of the bow wave.
+    known_factor : float
+        Load in the limit of short increments over that of this search, where none before determines it [-].
     values : ndarray, shape (4,)
         `QUANTITIES` in the steady state.
     drift, start : ndarray, shape (4,)
@@ -90,20 +86,12 @@ class SteadySearch:
     """
 
     def __init__(
-        self,
-        case: RollingCase,
-        target: DepthTarget,
-        rolling: IncrementalRolling,
-        depth: float,
-        *,
-        leeway: float = 1.0,
-        coarse: "SteadySearch | None" = None,
-        relaxation: Relaxation | None = None,
-        known_factor: float = 1.0,
+        self, target: DepthTarget, rolling: IncrementalRolling, depth: float, coarse: "SteadySearch | None" = None
     ) -> None:
-        self.case, self.target, self.rolling, self.depth, self.coarse = case, target, rolling, depth, coarse
-        self.relaxation, self.known_factor = relaxation or Relaxation(), known_factor
-        self.tolerance, self.target_tolerance = case.numerics.steady_tolerance, leeway * target.tolerance(self.elements)
+        self.case, self.target, self.rolling, self.depth, self.coarse = target.case, target, rolling, depth, coarse
+        self.relaxation, self.known_factor = Relaxation(), 1.0
+        self.tolerance = self.case.numerics.steady_tolerance
+        self.target_tolerance = target.tolerance(self.elements, len(rolling.parts))
         self.values = self.drift = self.start = np.zeros(len(QUANTITIES))
         self.distance, self.is_steady = np.inf, False
         self._miss, self._missed, self._begin = 0.0, "", 0

@@ -265,8 +265,7 @@ def solve_at_target(
     if name == "indentation":
         return solve_at_indentation(problem, surface, grid, value, start)
     modulus = problem.material.youngs_modulus
-    logs: list[float] = []
-    errors: list[float] = []
+    logs, errors = list[float](), list[float]()
     contact, beyond, log = start, None, np.log(grid.indentation)
     for _ in range(MAX_SECANTS):
         try:
@@ -319,7 +318,7 @@ def solve_at_indentation(
     for alternation in range(MAX_ALTERNATIONS):
         sheared = replace(pressed, surface=replace(surface, initial=interpolant(surface.x, drawn)))
         patch = sheared.follow(patch, patch.terms)
-        shear = solve_shear(problem, surface, patch, nodes)
+        shear = _solve_shear(problem, surface, patch, nodes)
         change = shear.displacement - drawn
         changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
         if changes[-1] < SHEAR_TOLERANCE:
@@ -389,9 +388,7 @@ class PressedRoller:
     def finish(self, patch: ContactPatch) -> ContactPatch:
         """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
         profile, R = self.problem.roller.profile, self.problem.roller.radius
-        if (profile == "circle" and np.abs(patch.x).max() >= R) or (
-            profile == "deformed" and patch.normal[1].max() >= 0
-        ):
+        if (profile == "circle" and abs(patch.x).max() >= R) or (profile == "deformed" and patch.normal[1].max() >= 0):
             raise self.beyond_circle(patch.edges)  # where the slope, or the pressure along x, is undefined
         fewer = self.follow(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
         samples = (each.sampled(PEAK_SAMPLES, self.problem.exponent)[1] for each in (fewer, patch))
@@ -435,10 +432,8 @@ class PressedRoller:
         first, last = np.flatnonzero(active)[[0, -1]]
         return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
 
-    def _solve(
-        self, terms: int, edges: Array, displacement: Array, jacobian: Array | None = None, history: tuple = ()
-    ) -> ContactPatch:
-        """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
+    def _solve(self, terms, edges, displacement, jacobian=None, history=()):
+        """Find the `ContactPatch`; update the Jacobian by Broyden's rule, recompute it where the steps grow."""
         patch, step_size, rows = self._solve_between(edges, displacement, terms), np.inf, []
         for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes, length = patch.coefficients[-2:], edges[1] - edges[0]
@@ -507,10 +502,8 @@ def _pressure_functions(fraction: Array, complement: Array, exponent: float, ter
     return np.column_stack([regular, base / fraction, base / complement])
 
 
-def solve_shear(
-    problem: RollingProblem, surface: SurfaceCompliance, patch: ContactPatch, nodes: Array
-) -> ShearSolution:
-    """Solve Coulomb's law under the pressure of a patch, with tractions at nodes [m] between its edges."""
+def _solve_shear(problem, surface, patch, nodes):
+    """`ShearSolution` of Coulomb's law under the pressure of a patch, with tractions at nodes [m] between its edges."""
     trailing, leading = patch.edges
     inner = nodes[(nodes > trailing) & (nodes < leading)]
     if len(inner) > 2:  # without nodes close to an edge

@@ -57,7 +57,7 @@ from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, 
 from compact.numerics import Array
 from compact.numerics.assembly import element_unknowns, strain_matrix
 from compact.numerics.validation import require_instance, require_positive
-from compact.rolling_contact import Contact, Layer, Roller
+from compact.rolling_contact import Contact, GapGeometry, Layer, Roller, RollerCondition
 
 if TYPE_CHECKING:
     import meshio
@@ -269,14 +269,9 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
     trailing, leading = patch.edges
     resistance, lift = (E * contact.resultant).tolist()
+    numbers = -lift, resistance, leading, trailing, x, E * pressure, E * traction
     result = FemContactResult(
-        -lift,
-        resistance,
-        leading,
-        trailing,
-        x,
-        E * pressure,
-        E * traction,
+        *numbers,
         indentation=contact.pressed.indentation,
         peak_pressure=float(E * patch.peak),
         creep=None if shear is None else shear.creepage,
@@ -338,13 +333,9 @@ def _error_estimate(grid: Discretisation, result: FemContactResult, contact: Con
     """
     patch, surface, problem = contact.patch, contact.pressed.surface, contact.pressed.problem
     E = problem.material.youngs_modulus
-    finer = replace(
-        grid,
-        mesh=grid.mesh.refined(),
-        indentation=result.indentation,
-        terms=grid.terms + EXTRA_TERMS * int(np.ceil(grid.terms / MAX_TERMS)),
-        edges=patch.edges if grid.edges else None,
-    )
+    terms = grid.terms + EXTRA_TERMS * int(np.ceil(grid.terms / MAX_TERMS))
+    edges = patch.edges if grid.edges else None
+    finer = replace(grid, mesh=grid.mesh.refined(), indentation=result.indentation, terms=terms, edges=edges)
     window = surface.x[surface.loaded][-1] - grid.mesh.centre
     fine = retarded(problem, elastic_surface(problem, finer.mesh, window))
     refined = as_deep = solve_at_target(problem, fine, finer)
@@ -381,7 +372,8 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         power = np.sum((patch.direction - patch.normal) * slip, axis=0)
         slipped = E * float(np.sum(patch.weight * patch.pressure * power))
-    balance = supplied - dissipated_work(result) - slipped
+    inside, downstream = _dissipation(result, result.elastic_strain())
+    balance = supplied - float(np.sum(inside) + downstream) - slipped
     return float(abs(balance) / rolling_contact.resistance_scale(result.resistance, result.load))
 
 
@@ -418,14 +410,8 @@ def refined_discretisation(
     layer, half_width = problem.layer, (edges[1] - edges[0]) / 2
     elements = int(np.ceil(elements_for(tolerance) * ELEMENT_GROWTH ** (level - 1)))
     at_edge = min(EDGE_REFINEMENT * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
-    mesh = graded_mesh(
-        layer.height,
-        half_width * (1 + 0.5 / (elements * at_edge)),  # places the edges within an element, not on a node
-        elements,
-        centre=(edges[0] + edges[1]) / 2,
-        interfaces=layer.interfaces,
-        edge=at_edge,
-    )
+    wide, centre = half_width * (1 + 0.5 / (elements * at_edge)), (edges[0] + edges[1]) / 2  # no edge on a node
+    mesh = graded_mesh(layer.height, wide, elements, centre=centre, interfaces=layer.interfaces, edge=at_edge)
     if mesh.dofs > MAX_UNKNOWNS:
         return None
     terms = _pressure_terms(layer, half_width) * FIRST_TERM_GROWTH * TERM_GROWTH ** (level - 1)
@@ -434,11 +420,9 @@ def refined_discretisation(
 
 def spectral_estimate(problem: RollingProblem) -> Contact | None:
     """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none."""
-    roller = replace(
-        problem.roller,
-        rolling="sliding" if problem.traction_ratio else "frictionless",
-        profile="circle" if problem.roller.profile == "circle" else "parabola",
-    )
+    rolling: RollerCondition = "sliding" if problem.traction_ratio else "frictionless"
+    profile: GapGeometry = "circle" if problem.roller.profile == "circle" else "parabola"
+    roller = replace(problem.roller, rolling=rolling, profile=profile)
     try:
         return spectral.roll(problem.layer, roller, problem.material, problem.speed, rtol=SPECTRAL_TOLERANCE)
     except RuntimeError:
@@ -473,32 +457,21 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     area = basis.dx.sum(axis=1)
     stress = np.einsum("eq,eqs->es", basis.dx / area[:, None], stress)
     dissipation = speed * _dissipation(result, strain)[0] / area
-    return meshio.Mesh(
-        np.pad(basis.doflocs.T * mirror, ((0, 0), (0, 1))),
-        [("quad9", basis.element_dofs.T)],
-        point_data={"displacement": np.pad(u * mirror, ((0, 0), (0, 1)))},
-        cell_data={"stress": [stress], "pressure": [-stress[:, :3].mean(axis=1)], "dissipation": [dissipation]},
-    )
-
-
-def dissipated_work(result: FemContactResult) -> float:
-    """Work dissipated in the layer per length rolled [J/m2].
-
-    Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
-    """
-    inside, remaining = _dissipation(result, result.elastic_strain())
-    return float(np.sum(inside) + remaining)
+    points, displacement = (np.pad(each * mirror, ((0, 0), (0, 1))) for each in (basis.doflocs.T, u))
+    cells = {"stress": [stress], "pressure": [-stress[:, :3].mean(axis=1)], "dissipation": [dissipation]}
+    return meshio.Mesh(points, [("quad9", basis.element_dofs.T)], {"displacement": displacement}, cells)
 
 
 def _dissipation(result: FemContactResult, strain: Array) -> tuple[Array, float]:
-    """Dissipation of the elements per length rolled [J/m per m], shape (elements,), and that downstream [J/m2]."""
+    """Dissipation of the elements per length rolled [J/m per m], shape (elements,), and that downstream [J/m2].
+
+    Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
+    """
     (rows, columns), basis, (_, *branches) = result.mesh.shape, result.stiffness.basis, creep_function(result.material)
     stiff = np.repeat(result.moduli[::columns], len(GAUSS_WEIGHTS), axis=0)[:, None]
     heights = (np.diff(result.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
-    e, x, areas = (
-        _streamlines(result, values)
-        for values in (strain, np.asarray(basis.global_coordinates())[0][..., None], basis.dx[..., None])
-    )
+    positions = np.asarray(basis.global_coordinates())[0][..., None]
+    e, x, areas = (_streamlines(result, values) for values in (strain, positions, basis.dx[..., None]))
     inside, remaining = np.zeros(areas.shape[:2]), 0.0
     for share, time in zip(*branches, strict=True):
         length = time * abs(result.speed)

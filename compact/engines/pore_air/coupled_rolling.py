@@ -53,12 +53,7 @@ class CoupledContact(NamedTuple):
 
 
 def roll_coupled(
-    contact: CompactionContactResult,
-    air: PoreAir,
-    speed: float,
-    *,
-    start: CoupledContact | None = None,
-    steady_tolerance: float = COUPLED_TOLERANCE,
+    contact: CompactionContactResult, air: PoreAir, speed: float, *, start: CoupledContact | None = None
 ) -> CoupledContact:
     """Compute the steady contact with its pore air at the height of a contact without.
 
@@ -72,8 +67,6 @@ def roll_coupled(
         Speed of the roller at which the air flows [m/s], not 0.
     start : CoupledContact, optional
         Coupled contact of the same skeleton at a lower speed or a higher permeability, as initial guess.
-    steady_tolerance : float
-        Relative tolerance of the steady state [-].
 
     Returns
     -------
@@ -88,11 +81,11 @@ def roll_coupled(
     """
     depth = contact.indentation
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
-    numerics, fed_layer = RollingNumerics(steady_tolerance=steady_tolerance), contact.solution.frame.inflow
+    numerics, fed_layer = RollingNumerics(steady_tolerance=COUPLED_TOLERANCE), contact.solution.frame.inflow
     case = RollingCase(contact.layer, roller, contact.material, contact.speed, None, fed_layer, numerics)
     rolling = CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed))
-    relaxation = contact.relaxation if start is None else start.relaxation
-    search = SteadySearch(case, DepthTarget(case), rolling, depth, relaxation=relaxation)
+    search = SteadySearch(DepthTarget(case), rolling, depth)
+    search.relaxation = contact.relaxation if start is None else start.relaxation
     with threadpool_limits(1):
         search.run()
     search.require_steady()

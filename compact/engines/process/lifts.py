@@ -26,7 +26,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import CompactionContactResult, build_result, field_mesh, roll
-from compact.engines.compaction.layer_state import LayerState, fresh_layer, rate_factor_at
+from compact.engines.compaction.layer_state import fresh_layer, rate_factor_at
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
 from compact.engines.pore_air import NO_FORCES
 from compact.engines.pore_air.coupled_rolling import roll_coupled
@@ -303,9 +303,7 @@ def simulate_lifts(
     return LiftSequence(thickness, increments, tuple(lifts), stopped)
 
 
-def _passed(
-    machine: FormingMachine, material: Compaction, raised: LayerState, friction: float, factor: float, increments: int
-) -> CompactionContactResult:
+def _passed(machine, material, raised, friction, factor, increments):
     """Return the pass of the roller over a raised section, at the speed at which its yield has the rate factor.
 
     A pass whose energy does not close rolls on, and then again on a finer mesh.
@@ -355,10 +353,8 @@ def _settled(passed: CompactionContactResult) -> CompactionContactResult:
     return replace(result, error=passed.error, error_parts=passed.error_parts, relaxation=passed.relaxation)
 
 
-def _lift(
-    passed: CompactionContactResult, before: float, thickness: float, speed: float, air: tuple[PoreAir, bool] | None
-) -> LumpedLift:
-    """Return the record of a pass on mix of a mean density ratio before, with its pore air at a speed [m/s]."""
+def _lift(passed, before, thickness, speed, air):
+    """Return the `LumpedLift` of a pass on mix of a mean density ratio before, with its pore air at a speed [m/s]."""
     state, error, mesh, forces = passed.exit, passed.error or (0.0, 0.0), field_mesh(passed), NO_FORCES
     ratio = state.points.density_ratio
     if air is not None:

@@ -57,7 +57,7 @@ are those of the lumped lifts at its mean density. Frame n shows the mould after
 first section has had n strokes and lies farthest from the empty mould, and loose fill follows it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -284,21 +284,18 @@ class RollerRow:
             "largest_work_residual": max(each.largest_work_residual for each in self.lifts.sequences),
         }
 
-    def at_strokes(self, name: str, sequences: Sequence[LiftSequence] = (), *, power: bool = False) -> Array:
+    def at_strokes(self, name: str, *, power: bool = False) -> Array:
         """Return P or F/t of every stroke [N/m, N/m2], extrapolated in the thickness of the lifts to its make-up.
 
         Parameters
         ----------
         name : {"load", "resistance"}
             Force.
-        sequences : sequence of LiftSequence
-            One, or the thinnest and the thickest; all by default.
         power : bool
             True for a power law of the thickness, False for a line.
         """
         assert self.lifts is not None
-        sequences = sequences or self.lifts.sequences
-        density, made_up = self._densities(name), self.history.make_up
+        sequences, density, made_up = self.lifts.sequences, self._densities(name), self.history.make_up
         thin = self.rate_scale * sequences[0].at(name, density)
         if len(sequences) == 1:
             return thin
@@ -436,7 +433,7 @@ class RollerRow:
         """Yield the number of strokes since the start, and a mesh with the fields of `rectangles`."""
         import meshio
 
-        machine, states, count = self.problem.machine, self.history.states, self.history.count
+        machine, states, count = self.problem.machine, self.history.states, len(self.history.load)
         for number in np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int)).tolist():
             pieces = [(0.0, machine.roller_length, number, states[number])]
             if machine.strokes is None:

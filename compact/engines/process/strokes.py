@@ -29,16 +29,15 @@ roller presses by the mean bite to the height h0; the mean is weighted by the ma
 the rate is that of a single pass.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import GapShape
-from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer, grain_height, plate_indentation
+from compact.engines.column.column_pass import PLATE, Column, column_layer, grain_height, plate_indentation
 from compact.engines.column.engine import INTEGRATION_RTOL
 from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.engines.process.kneading import Kneading
@@ -105,11 +104,8 @@ class SectionState:
         """
         kept, K = list(self.columns), self.bulk_modulus
         while len(kept) > count:
-            differences = [
-                abs(above.density_ratio - below.density_ratio) * min(below.height, above.height)
-                for below, above in pairwise(kept)
-            ]
-            place = int(np.argmin(differences))
+            heights, ratios, *_ = np.array(kept).T
+            place = int(np.argmin(np.abs(np.diff(ratios)) * np.minimum(heights[1:], heights[:-1])))
             below, above = kept[place : place + 2]
             masses = np.array([grain_height(below, K), grain_height(above, K)])
             total, height = float(masses.sum()), below.height + above.height
@@ -163,11 +159,6 @@ class SectionHistory:
     offered: Array
 
     @property
-    def count(self) -> int:
-        """Number of strokes."""
-        return len(self.load)
-
-    @property
     def surface(self) -> Array:
         """Height of the surface after each stroke [m]."""
         return np.array([state.height for state in self.states[1:]])
@@ -180,7 +171,7 @@ class SectionHistory:
     @property
     def mean_bite(self) -> float:
         """Mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
-        weights = self.make_up if self.make_up.any() else np.ones(self.count)
+        weights = self.make_up if self.make_up.any() else np.ones(len(self.load))
         return float(np.average(np.maximum(self.bite, 0.0), weights=weights))
 
     @property
@@ -300,7 +291,7 @@ class FormingProblem:
         """
 
         def pressed_height(columns: tuple[Column, ...]) -> float:
-            layer = replace(self._stack(columns, rate_factor), gap=PLATE)
+            layer = column_layer(columns, self.material, rate_factor, PLATE)
             return layer.height - plate_indentation(layer, pressure, INTEGRATION_RTOL)
 
         def make_up(index: int, state: SectionState) -> float:
@@ -313,9 +304,6 @@ class FormingProblem:
 
         return replace(self._simulate(make_up, rate_factor, float("nan")), offered=offered)
 
-    def _stack(self, columns: Sequence[Column], rate_factor: float) -> ColumnLayer:
-        return column_layer(columns, self.material, rate_factor, GapShape(float(self.machine.roller_radius), 1.0))
-
     def _simulate(self, make_up: MakeUp, rate_factor: float, amount: float) -> SectionHistory:
         """Compute the strokes on a section."""
         fill, fed, height = self.fill, self.feed.density_ratio, self.machine.height
@@ -324,6 +312,7 @@ class FormingProblem:
                 f"`density_ratio` of the fill must exceed that of Heckel's curve at its start, "
                 f"{self.material.loose_density_ratio!r}, got {fill.density_ratio!r}"
             )
+        gap = GapShape(float(self.machine.roller_radius), 1.0)
         columns = (Column(fill.height / self.layers, fill.density_ratio),) * self.layers
         bulk_modulus = self.material.unloading_modulus / (3 - 6 * self.material.poisson)
         states, rows = [SectionState(columns, bulk_modulus)], []
@@ -333,7 +322,7 @@ class FormingProblem:
             raised = (*state.columns, Column(added, fed)) if added > 0 else state.columns
             bite, forces = state.height + added - height, (0.0,) * 6
             if bite > CONTACT_SHARE * height:
-                layer = self._stack(raised, rate_factor)
+                layer = column_layer(raised, self.material, rate_factor, gap)
                 if not bite < self.machine.roller_radius:
                     raise FeedError(
                         f"stroke {index + 1} would bury the roller to its axis, bite {bite:.3g} m; feed less"

@@ -85,11 +85,6 @@ class JacobiBasis:
     pressures: Array
 
     @property
-    def modes(self) -> int:
-        """Number of pressure polynomials."""
-        return len(self.pressures)
-
-    @property
     def unit_test(self) -> float:
         """Integral of the test T_0 [-], the square root of 2 pi/sin(pi alpha)."""
         return self.tests[0].sum()
