@@ -138,7 +138,7 @@ class Study:
 
     @cached_property
     def _prior_job(self) -> Job:
-        return self.submit(verdict.prior_forces, verdict.unfitted(self.scene, self.scene.accuracy.engine))
+        return self.submit(partial(verdict.prior_forces, self.scene), self.scene)
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -257,9 +257,7 @@ class Study:
         directory = self._directory and self._directory / verdict.DIRECTORY
         return {
             name: self.submit(
-                partial(
-                    verdict.answer_of, self.scene.with_engine(name), laws, prior=verdict.unfitted(self.scene, name)
-                ),
+                partial(verdict.answer_of, self.scene, self.scene.with_engine(name), laws),
                 directory and directory / name,
             )
             for name in self.scene.compared_engines

@@ -112,7 +112,7 @@ def contacts_key(scene: Scene, mix: Mix) -> str:
 
 def read_results(directory: Path, key: str) -> KeptResults | None:
     """Read the results of an earlier run; None without results, under another key of `contacts_key`, or damaged."""
-    path, found = directory / CONTACTS_FILE, None
+    path = directory / CONTACTS_FILE
     if not path.is_file():
         return None
     try:
@@ -120,27 +120,26 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
         if key not in content:
             _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
             return None
-        files = []
-        for name, expected in content[key]["files"].items():
-            file = directory / name
-            if file.is_file() and checksum(file.read_bytes()) == expected:
+        kept, more, files = content[key], content[key]["more"], list[str]()
+        for name, file in ((name, directory / name) for name in kept["files"]):
+            if file.is_file() and checksum(file.read_bytes()) == kept["files"][name]:
                 files.append(name)
             elif file.is_file():
                 _LOG.warning("%s: changed since it was written; it is computed again", file)
-        if MAP_FILE in files:
-            more = content[key]["more"]
-            found = KeptResults(
-                contacts=[Contact.from_json(each) for each in content[key]["contacts"]],
-                resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
-                files=tuple(files),
-                **{
-                    name: more[name] and TypeAdapter(kind()).validate_python(more[name])
-                    for name, kind in RECORDS.items()
-                },
-            )
+        if MAP_FILE not in files:
+            return None
+        records = {
+            name: more[name] and TypeAdapter(kind()).validate_python(more[name]) for name, kind in RECORDS.items()
+        }
+        return KeptResults(
+            contacts=[Contact.from_json(each) for each in kept["contacts"]],
+            resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
+            files=tuple(files),
+            **records,
+        )
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         _LOG.warning("%s: damaged, or of another version; its contacts are computed again", path)
-    return found
+        return None
 
 
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:

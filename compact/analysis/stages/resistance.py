@@ -41,7 +41,6 @@ SIDES = "forward", "return"
 STROKE_SAMPLES, RELEASE_SAMPLES = 201, 25  # [-], of shares over a stroke, and over the release of the old force
 LEAST_RELEASE = 1e-3  # [-], first of them over the whole release
 CYCLE_SAMPLES = 401  # [-], times of a pass
-DEFAULT_TURN = "build-up"  # of a scene without the key
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 
@@ -93,10 +92,10 @@ class ResistanceStage:
     @cached_property
     def turning(self) -> "Turning | None":
         """Shares of force and load after a turn over the distance to fresh mix; None for a step."""
-        turn = self.scene.drive.turn or DEFAULT_TURN
+        turn = self.scene.drive.turn
         if turn == "step" or self._given is not None:
             return None
-        if not isinstance(turn, str):
+        if not isinstance(turn, str | None):
             return partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
         with warnings.catch_warnings(action="ignore"):  # the shares need edges and exponent of the contact alone
             near = self.contacts.mean_record

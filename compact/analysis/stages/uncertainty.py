@@ -34,7 +34,7 @@ from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages
 from compact.analysis.stages.ensemble import Change, Peaks, drive_peaks, ensemble, first_law, polynomial_terms
 from compact.analysis.stages.pooled_peaks import PooledLaws
-from compact.analysis.stages.resistance import DEFAULT_TURN, along_stroke
+from compact.analysis.stages.resistance import along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
 from compact.analysis.stages.verdict import sizing_model
 from compact.analysis.worker_pool import Executor
@@ -239,7 +239,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
             sources.append((name, f"one-way to undrained, {words}" if name == AIR else words, ends))
     others = [each for each in models if each.valid and each is not model and model.valid]
     by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
-    edges = model.turning is not None and isinstance(scene.drive.turn or DEFAULT_TURN, str)
+    edges = model.turning is not None and isinstance(scene.drive.turn, str | None)
     variants = {each.label: each for each in drive_variants(scene, edges)}
     by_drive = {}
     for label, each in variants.items():
@@ -275,7 +275,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     solved = ensemble(scene, changes, run, study.executor)
     answers = (solved[number] for number in range(len(changes)))
 
-    def end(words: str, values: Peaks, of: tuple[str, ...]) -> SourceEnd:
+    def end(words: str, values: Peaks) -> SourceEnd:
         """Return the answer with the given peaks; a recommended law that is as good but for rounding stays first."""
         found = {by: values.get(by, {}) for by in laws}
         change = {
@@ -287,13 +287,13 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
         for by, law in laws.items():
             stays = found[by].get(law, math.inf) <= least[by] * (1 + LEAST_EFFECT)
             first[by] = law if stays else first_law(found[by])
+        of = variants[words].of if words in variants else ()
         return SourceEnd(words, change, first, {by: least[by] / min(base[by].values()) - 1 for by in laws}, of)
 
     known = []
     for name, words, table in sources:
-        of = {label: variants[label].of for label in table} if name == DRIVE else {}
         reached = {label: next(answers) if isinstance(each, Change) else each for label, each in table.items()}
-        known.append(Source(name, words, tuple(end(label, each, of.get(label, ())) for label, each in reached.items())))
+        known.append(Source(name, words, tuple(end(*each) for each in reached.items())))
     scaled = list(answers)
     peaks = {}
     for by, law in laws.items():

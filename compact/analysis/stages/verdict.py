@@ -308,13 +308,13 @@ def governing(pair: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration
 Answer = ModelAnswer | HeapingError | UnsteadyError | EquilibriumError
 
 
-def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None, prior: Scene | None = None) -> Answer:
+def answer_of(lead: Scene, scene: Scene, laws: KnownLaws, directory: Path | None) -> Answer:
     """Compute the answer of the engine of a scene, in another process, with kept results of a directory.
 
     Parameters
     ----------
-    prior : Scene, optional
-        Scene with nothing fitted, see `unfitted`.
+    lead : Scene
+        Scene to which it is compared.
 
     Returns
     -------
@@ -332,7 +332,7 @@ def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None, prior: Scen
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
             kept = stages.contacts.kept
-            found = model_answer(stages, prior=kept.prior if kept else prior_forces(prior))
+            found = model_answer(stages, prior=kept.prior if kept else prior_forces(lead, scene))
         except (HeapingError, UnsteadyError, EquilibriumError) as error:
             return error
     return replace(found, counts=counts, warned=tuple(dict.fromkeys(str(each.message) for each in warned)))
@@ -433,31 +433,20 @@ class LawVariant:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class ModelSpread:
+class ModelSpread(NamedTuple):
     """Contacts by other laws of the mix.
 
     Parameters
     ----------
+    load, resistance : tuple of float
+        Least and largest value over that of the scene [-].
     variants : tuple of LawVariant
         Other laws and cohesions.
     """
 
+    load: tuple[float, float]
+    resistance: tuple[float, float]
     variants: tuple[LawVariant, ...]
-
-    @property
-    def load(self) -> tuple[float, float]:
-        """Least and largest load over that of the scene [-]."""
-        return self._band("load")
-
-    @property
-    def resistance(self) -> tuple[float, float]:
-        """Least and largest resistance over that of the scene [-]."""
-        return self._band("resistance")
-
-    def _band(self, name: str) -> tuple[float, float]:
-        ratios = [1.0, *(ratio for each in self.variants if (ratio := getattr(each, name)) is not None)]
-        return min(ratios), max(ratios)
 
 
 def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
@@ -534,49 +523,37 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
     own, *others = contacts
     if own.load is None or own.resistance is None:
         raise RuntimeError(own.reason)
-    return ModelSpread(tuple(
-        each if each.load is None or each.resistance is None
-        else replace(each, load=each.load / own.load, resistance=each.resistance / own.resistance)
-        for each in others
-    ))  # fmt: skip
+    variants, loads, resistances = [], [1.0], [1.0]
+    for each in others:
+        if each.load is not None and each.resistance is not None:
+            loads.append(each.load / own.load)
+            resistances.append(each.resistance / own.resistance)
+            each = replace(each, load=loads[-1], resistance=resistances[-1])
+        variants.append(each)
+    load, resistance = ((min(ratios), max(ratios)) for ratios in (loads, resistances))
+    return ModelSpread(load, resistance, tuple(variants))
 
 
-def unfitted(scene: Scene, engine: str) -> Scene | None:
-    """Return the scene of an engine on the layer of a scene, with the prior in place of the fitted mix.
+def prior_forces(lead: Scene, scene: Scene) -> tuple[float, float] | None:
+    """Return the load on a roller and the resistance of a cart [N] at the mean speed with the prior, on a coarse mesh.
 
-    Friction of the roller and density as fed, which have no prior, remain those of the scene.
-
-    Returns
-    -------
-    Scene or None
-        None where no fitted value is set, and for strokes of a forming process.
-    """
-    given = scene if engine == scene.accuracy.engine else scene.with_engine(engine)
-    fitted = given.mix.fitted_at.parameters if given.mix.fitted_at else ()
-    keys = [key for key in (f"mix.overrides.{name}" for name in fitted) if given.is_set(key)]
-    if not keys or ENGINES[engine].reads("process"):
-        return None
-    layer = {f"layer.{name}": getattr(scene.layer, name) for name in ("lift_thickness", "fed_density_ratio")}
-    try:
-        return given.replaced(**{"compare": None, "mix.fitted_at": None, **layer, **dict.fromkeys(keys)})
-    except ValueError:
-        return None
-
-
-def prior_forces(scene: Scene | None) -> tuple[float, float] | None:
-    """Return the load on a roller and the resistance of a cart [N] of a scene at the mean speed, on a coarse mesh.
+    The prior replaces the fitted mix of a scene, on the layer of the leading one. Friction of the roller and density as
+    fed, which have none, remain those of the scenes.
 
     Returns
     -------
     tuple of float or None
-        None without a scene or a steady state.
+        None where no fitted value is set, for strokes of a forming process, and without a steady state.
     """
-    if scene is None:
+    engine, fitted = ENGINES[scene.accuracy.engine], scene.mix.fitted_at.parameters if scene.mix.fitted_at else ()
+    keys = [key for key in (f"mix.overrides.{name}" for name in fitted) if scene.is_set(key)]
+    if not keys or engine.reads("process"):
         return None
-    engine = ENGINES[scene.accuracy.engine]
+    layer = {f"layer.{name}": getattr(lead.layer, name) for name in ("lift_thickness", "fed_density_ratio")}
     try:
-        case = case_of(scene, scene_mix(scene), scene.mean_speed)
         with warnings.catch_warnings(action="ignore"):  # of the range of a prior that nobody asked for
+            scene = scene.replaced(**{"compare": None, "mix.fitted_at": None, **layer, **dict.fromkeys(keys)})
+            case = case_of(scene, scene_mix(scene), scene.mean_speed)
             found = solve(engine, scene, case if engine.affordable else replace(case, **COARSE))
     except (ValueError, RuntimeError):
         return None
