@@ -191,10 +191,9 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) 
     return path
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON, with infinity as "infinite" and nan as null."""
-    with atomic_file(path) as stream:
-        stream.write(json_text(content) + "\n")
+def write_json(path: Path, content: Mapping[str, Any]) -> Path:
+    """Write JSON, with infinity as "infinite" and nan as null; return the path."""
+    return write_text(path, json_text(content) + "\n")
 
 
 def read_json(path: Path) -> Any:
@@ -228,9 +227,14 @@ def write_bytes(path: Path, content: bytes) -> Path:
     return path
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Write a text in UTF-8; return the path."""
+    return write_bytes(path, text.encode())
+
+
 def write_checked(path: Path, content: Any) -> Path:
     """Write JSON after its checksum, by which `read_checked` finds a damaged file; return the path."""
-    return write_bytes(path, json.dumps([checksum(json.dumps(content).encode()), content]).encode())
+    return write_text(path, json.dumps([checksum(json.dumps(content).encode()), content]))
 
 
 def read_checked(path: Path) -> Any:
@@ -369,8 +373,7 @@ def claimed_directory(directory: str | Path, owner: str, force: bool = False) ->
         raise ResultsError(f"{directory}: {words}; use another --out, or --force")
     if edited:
         _LOG.warning("%s: results of the scene before its edit are replaced", directory)
-    with atomic_file(mark) as stream:
-        stream.write(owner + "\n")
+    write_text(mark, owner + "\n")
     try:
         yield directory
     except BaseException:

@@ -185,9 +185,8 @@ class Scene(loader.Scene):
         many = create_sweep(self._by(engine), varied, rank=rank, direct=direct)
         with TemporaryDirectory() as temporary, Progress(total=many.steps) as line:
             line.begin("points")
-            place, executor = temporary if out is None else out, choose_executor(workers)
-            resumed: dict[str, Any] = {"executor": executor, "resume": out is not None}
-            return many.run(place, **resumed, step=lambda parts, _: line.advance(parts)).load()
+            place, step = temporary if out is None else out, lambda parts, _: line.advance(parts)
+            return many.run(place, executor=choose_executor(workers), resume=out is not None, step=step).load()
 
     def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "results.Process":
         """Compute the forming process of the table [process].

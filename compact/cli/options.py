@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from compact.files import claimed_directory, default_directory, json_text
+from compact.report.progress import Progress
 
 if TYPE_CHECKING:
-    from compact.report.progress import Progress
     from compact.scene.loader import Scene
 
 SUCCESS, NO_RESULT, INVALID_INPUT = 0, 1, 2
@@ -44,10 +44,8 @@ class Console:
     verbose: Annotated[int, Parameter(count=True, show_default=False)] = 0
     profile: Flag = False
 
-    def progress(self, total: int | None = None) -> "Progress":
+    def progress(self, total: int | None = None) -> Progress:
         """Return the line of progress, of a job of some parts, or of unknown extent."""
-        from compact.report.progress import Progress
-
         return Progress(total=total, quiet=self.quiet or bool(self.verbose))
 
     def show(self, digest: Callable[[], str], results: Path | None = None, **content: Any) -> None:
@@ -67,17 +65,6 @@ class Console:
             print(json_text(place | content))
         elif not self.quiet:
             print("\n\n".join([digest(), *(f"results: {path}" for path in place.values())]))
-
-    @contextmanager
-    def recorded(self) -> Iterator[None]:
-        """Log to standard error inside the block, and print the profile at its end, also after an error."""
-        if not (self.verbose or self.profile or self.quiet):
-            yield
-            return
-        from compact.report.progress import logged
-
-        with logged(self.verbose, self.profile):
-            yield
 
 
 @Parameter(name="*")
@@ -133,7 +120,7 @@ class OwningJob(Job):
     force: Flag = False
 
     @contextmanager
-    def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, "Progress"]]:
+    def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, Progress]]:
         """Claim the folder of the results of a scene file inside the block, and show the line of progress."""
         progress = self.progress()
         with claimed_directory(self.place(path, scene, suffix), scene.owner, self.force) as directory, progress:

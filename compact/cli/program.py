@@ -24,7 +24,8 @@ from compact.analysis.failures import is_refusal, sentence_of
 from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE
 from compact.cli import options as cli
 from compact.cli.options import ENGINE_JOB, JOB, OWNING_JOB, SUCCESS, Console, EngineJob, Job, OwningJob, ScenePath
-from compact.files import ResultsError, default_directory, json_text, read_json, write_figure, write_json
+from compact.files import ResultsError, default_directory, json_text, read_json, write_figure, write_json, write_text
+from compact.report.progress import logged, tracked
 
 Format = Literal["csv", "fmu", "vtu"]
 app = App(
@@ -60,7 +61,8 @@ def _exit_code(arguments: Sequence[str]) -> int:
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
             command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             given = (each for each in bound.arguments.values() if isinstance(each, Console))
-            with next(given, cli.CONSOLE).recorded():
+            console = next(given, cli.CONSOLE)
+            with logged(console.verbose, console.profile, console.quiet):
                 return command(*bound.args, **bound.kwargs) or SUCCESS
     except CycloptsError as error:
         return cli.print_error(_with_remedy(error, arguments), cli.INVALID_INPUT)
@@ -117,7 +119,6 @@ def new(
     machine
         the machine: what follows from it is derived, and printed; the rest is assumed, and nothing is fitted
     """
-    from compact.files import atomic_file
     from compact.scene import new_scene
     from compact.scene.loader import SCENE_SCHEMA_FILE, scene_schema
 
@@ -129,8 +130,7 @@ def new(
     if source is None and not given and sys.stdin and sys.stdin.isatty():
         given = _asked(path)
     text, derived = (new_scene.published_scene(source), []) if source else new_scene.new_scene(given, str(path))
-    with atomic_file(path) as stream:
-        stream.write(text)
+    write_text(path, text)
     write_json(directory / SCENE_SCHEMA_FILE, scene_schema())
     if measurements:
         derived.append(f"{new_scene.write_sheet(directory)} written; fill it in, then: compact calibrate {path} SHEET")
@@ -443,8 +443,9 @@ def export(
             if name == "csv":
                 table = force_table(CartModel.of(study), tolerance or given.accuracy.tolerance)
                 files.append(write_force_csv(table, directory / "force.csv"))
-                numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
-                notes.append("force without the cart, {mass:g} kg; interpolation error {interpolation_error:.1e}")
+                error = table.interpolation_error
+                numbers = {"mass": table.mass, "interpolation_error": error}
+                notes.append(f"force without the cart, {table.mass:g} kg; interpolation error {error:.1e}")
             elif name == "fmu":
                 files.append(write_fmu(CartModel.of(study), directory / "cart.fmu", given.title))
                 notes.append("" if has_binary(files[-1]) else "cart.fmu: sources only, as no compiler is found")
@@ -573,7 +574,6 @@ def validate(
         folder for the text, the table and the figures
     """
     from compact.report import validation
-    from compact.report.progress import tracked
     from compact.validation.plant_case import select_cases
 
     cases = tracked(select_cases(names), attrgetter("name"), quiet=console.quiet or bool(console.verbose))

@@ -45,16 +45,14 @@ CONTACT_PAGES = {"formula": "theory/formulas.md", "process": "theory/process.md"
     ("spectral", "fem"), "theory/contact.md"
 )
 FORCE = "mix contact resistance"
-CHAINS = {  # key, or table of the summary -> links; of a key that has none its table counts
-    "peak_force": f"{FORCE} law drive", "peak_power": f"{FORCE} law drive", "shaft_torque": f"{FORCE} law drive shaft",
-    "motor_rating": f"{FORCE} law drive shaft", "roller_load": "mix contact", "peak_jerk": "law",
-    "pressure_angle": "law cam", "drive_resistance": FORCE, "held": "mix contact", "return_stroke": FORCE,
-    "pore_air": "mix contact air", "model_spread": "mix contact", "steady_forces": FORCE,
-    "machine_sizing": f"{FORCE} law drive shaft", "work_balance": f"{FORCE} balance", "numbers": "mix contact",
-    "contacts": "mix contact", "laws": f"{FORCE} law drive", "comparison": FORCE,
-    "cam": "law cam", "prior_resistance": FORCE, "fitted_resistance": FORCE, "decision": f"{FORCE} law drive sources",
-    "verdict": f"{FORCE} law drive sources", "rankings": f"{FORCE} law drive",
-    "robust_laws": f"{FORCE} law drive",
+CHAINS = {  # links -> keys, or tables of the summary; of a key that has none its table counts
+    FORCE: "drive_resistance return_stroke steady_forces comparison prior_resistance fitted_resistance",
+    f"{FORCE} law drive": "peak_force peak_power laws rankings robust_laws",
+    f"{FORCE} law drive shaft": "shaft_torque motor_rating machine_sizing",
+    f"{FORCE} law drive sources": "decision verdict",
+    f"{FORCE} balance": "work_balance",
+    "mix contact": "roller_load held model_spread numbers contacts", "mix contact air": "pore_air",
+    "law": "peak_jerk", "law cam": "pressure_angle cam",
 }  # fmt: skip
 
 
@@ -78,7 +76,8 @@ def explanation(summary: Mapping[str, Any], key: str) -> list[str]:
         names = {path[-1] for path, _ in _items(summary)}
         near = get_close_matches(key, sorted(names), NEAREST) or list(summary["decision"]["sizes"])[:NEAREST]
         raise ResultsError(f"summary.json has no key {key!r}; the nearest are {', '.join(near)}")
-    chain = next((CHAINS[name] for name in reversed(path) if name in CHAINS), "sources")
+    chains = {name: chain for chain, names in CHAINS.items() for name in names.split()}
+    chain = next((chains[name] for name in reversed(path) if name in chains), "sources")
     links = [LINKS[name] for name in chain.split()]
     decision = summary.get("decision") or {"engine": summary["engine"], "fitted": []}
     told = {"engine": decision["engine"], "drive": summary["inputs"]["drive"]["kind"]["value"]}

@@ -57,6 +57,7 @@ OTHER_STYLE: tuple[str, str, Any] = (PALETTE[3], "v", (0, (4, 1.5)))  # of engin
 TICKS = (1.0, 2.0, 3.0, 5.0)  # [-], labels of a decade of a logarithmic axis
 MARGINS = {"left": 0.8, "bottom": 0.55, "right": 0.2, "top": 0.15}  # [inch], of a figure
 ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
+LABELLED = 0.45  # [-], of a panel on each side of its middle, with labels of contour lines
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
@@ -138,8 +139,10 @@ def label_decades(axis: Axis) -> None:
 
 
 def label_contours(ax: Axes, lines: QuadContourSet) -> None:
-    """Label contour lines, with an outline that is readable on a map."""
+    """Label contour lines in a panel with its final limits; labels at its frame, which would be cut, are left out."""
     for text in ax.clabel(lines, fontsize=8, fmt="{:.4g}".format, inline=False, colors="black"):
+        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
+        text.set_visible(np.abs(place - 0.5).max() < LABELLED)
         text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 

@@ -50,9 +50,8 @@ def write_material_tests(programme: LaboratoryProgramme, law: str, directory: Pa
         Files written.
     """
     table = path_table(programme.tests).write(directory / "material.csv")
-    write_json(directory / "material.json", material_summary(programme, law))
-    figure = write_figure(directory / "material.png", draw_material_tests(programme))
-    return [table, directory / "material.json", figure]
+    summary = write_json(directory / "material.json", material_summary(programme, law))
+    return [table, summary, write_figure(directory / "material.png", draw_material_tests(programme))]
 
 
 def material_summary(programme: LaboratoryProgramme, law: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from markupsafe import Markup, escape
 
 from compact.analysis.stages.drives import same_motions
 from compact.analysis.study import Study
-from compact.files import atomic_file
+from compact.files import write_text
 from compact.machine.ranking import CRITERIA
 from compact.report import results, text
 from compact.report.explain import KNOWN, explanation, origin_of
@@ -118,10 +118,8 @@ def render_page(title: str, **context: Any) -> str:
 
 def write_page(path: Path, study: Study, pictures: Mapping[str, bytes]) -> Path:
     """Write the page of a study."""
-    with atomic_file(path) as stream:
-        title = study.scene.title or "untitled scene"
-        stream.write(render_page(title, sections=sections(study, pictures), **answer(study, pictures)))
-    return path
+    title = study.scene.title or "untitled scene"
+    return write_text(path, render_page(title, sections=sections(study, pictures), **answer(study, pictures)))
 
 
 def answer(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:

@@ -61,8 +61,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         files += write_vtu_series(directory / "lifts.pvd", "lifts", "lift", frames)
     files.append(TableSpec.of_arrays("strokes", names, values).write(directory / "strokes.csv"))
     files += write_vtu_series(directory / "fields.pvd", "fields", "strokes", row.frames())
-    write_json(directory / "process.json", process_summary(study))
-    return [*files, directory / "process.json"]
+    return [*files, write_json(directory / "process.json", process_summary(study))]
 
 
 def stroke_columns(study: ProcessStudy) -> dict[str, Any]:

@@ -172,15 +172,17 @@ def _children_time() -> float:
 
 
 @contextmanager
-def logged(verbose: int, profile: bool) -> Iterator[None]:
+def logged(verbose: int, profile: bool, quiet: bool) -> Iterator[None]:
     """Log to standard error inside the block, and print the profile at its end.
 
     Parameters
     ----------
     verbose : int
-        0 for errors only, 1 for stages and files, 2 for the iterations of solvers too.
+        0 for warnings and errors, 1 for stages and files, 2 for the iterations of solvers too.
     profile : bool
         True to print the time of every stage.
+    quiet : bool
+        True for errors only.
     """
     package, measured = logging.getLogger(PACKAGE), StageProfile()
     stream, level = logging.StreamHandler(sys.stderr), package.level
@@ -188,7 +190,8 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
     handlers = [(package, stream)] * bool(verbose) + [(logging.getLogger(STAGES), measured)] * profile
     for logger, handler in handlers:
         logger.addHandler(handler)
-    package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO if verbose or profile else logging.ERROR)
+    least = logging.ERROR if quiet else logging.WARNING
+    package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO if verbose or profile else least)
     try:
         yield
     finally:

@@ -146,8 +146,8 @@ def model_table(study: Study) -> TableSpec:
     for by in (by for by in SIZING_PEAKS if by in study.scene.drive.rank_by):
         firsts = [each.first(duration, kind, by) for each in models]
         columns[f"first by {by.rpartition('_')[2]}"] = [say("least", each, CRITERIA[by].unit) for each in firsts]
-    sizing = [say("sizing", each) for each in models]
-    columns = dict([*columns.items()][:-1]) | {"for sizing?": sizing} | dict([*columns.items()][-1:])
+    *before, last = columns.items()
+    columns = dict([*before, ("for sizing?", [say("sizing", each) for each in models]), last])
     for name, failure in study.failures.items():
         told = {"model": name, "for sizing?": f"no, {FAILURES[type(failure)]}"}
         for head, cells in columns.items():

@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from compact.files import atomic_file, write_figure, write_json
+from compact.files import write_figure, write_json, write_text
 from compact.report.figures import DASHES, PALETTE, panels
 from compact.validation.case import PREDICTED, VERDICTS, Panel, ValidationCase
 
@@ -83,10 +83,8 @@ def write_validation(directory: Path, cases: Sequence[ValidationCase]) -> list[P
     directory : Path
         Directory; created if absent.
     """
-    written = [directory / "validation.md", directory / "validation.json"]
-    with atomic_file(written[0]) as stream:
-        stream.write(validation_text(cases) + "\n")
-    write_json(written[1], {"cases": case_summaries(cases)})
+    written = [write_text(directory / "validation.md", validation_text(cases) + "\n")]
+    written.append(write_json(directory / "validation.json", {"cases": case_summaries(cases)}))
     figures = [(directory / "validation" / f"{case.name}.png", case.panels) for case in cases if case.panels]
     return written + [write_figure(path, draw_case(panels)) for path, panels in figures]
 

@@ -244,8 +244,7 @@ def _needed(needed, value, given):
         return f"needs {needed}, which is missing; give it, or take the key out"
 
 
-for _key, _other in NEEDS:
-    rule(_key, _other)(partial(_needed, _other))
+RULES.extend(Rule((key, other), partial(_needed, other)) for key, other in NEEDS)
 
 BELONGS = (  # key, key of the choice, choice to which it belongs, its content where it must be given
     ("drive.motor.breakdown_slip", "drive.motor.curve", "kloss", "the slip at the breakdown torque, such as 0.15"),
@@ -262,8 +261,7 @@ def _belongs(choice, own, content, value, chosen):
         return f'is for {choice} = "{own}", got it with "{chosen}"; take it out, or choose "{own}"'
 
 
-for _key, _other, _own, _content in BELONGS:
-    rule(_key, _other)(partial(_belongs, _other, _own, _content))
+RULES.extend(Rule((key, other), partial(_belongs, other, own, content)) for key, other, own, content in BELONGS)
 
 
 def _belongs_to_drive(key, owner, value, kind):
@@ -299,8 +297,7 @@ def _no_duplicates(names):
         return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
 
 
-for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
-    rule(_key)(_no_duplicates)
+RULES.extend(Rule((key,), _no_duplicates) for key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"))
 
 
 def _wanted_is_computed(item, engines, wanted, engine):

@@ -14,7 +14,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from compact.files import ResultsError, published_scenes, write_bytes
+from compact.files import ResultsError, published_scenes, write_text
 from compact.scene.errors import SceneError, key_places
 from compact.scene.loader import Scene, parse_scene
 from compact.scene.plant_data import instruments
@@ -50,7 +50,7 @@ def write_sheet(directory: Path) -> Path:
     for name, row in instruments().items():
         words = "{0}: {how}. Procedure: {procedure}. Expected: {expected}. Cost: {cost}.".format(name, **row)
         text = text.replace(f"{{{name}}}", "\n#    ".join(wrap(words, SHEET_WIDTH)))
-    return write_bytes(path, text.encode())
+    return write_text(path, text)
 
 
 def published_scene(name: str) -> str:
