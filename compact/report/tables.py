@@ -54,7 +54,7 @@ def columns(names: str) -> dict[str, Getter]:
     Parameters
     ----------
     names : str
-        Columns separated by blanks. A path joins attributes, keys and indices by dots; None on the way is the value.
+        Columns separated by blanks. A path joins attributes and indices by dots; None on the way is the value.
 
     Examples
     --------
@@ -87,10 +87,7 @@ def value_of(record: Any, getter: Getter) -> Any:
     for part in getter.split("."):
         if record is None:
             return None
-        if isinstance(record, Mapping):
-            record = record[part]
-        else:
-            record = record[int(part)] if part.isdigit() else getattr(record, part)
+        record = record[int(part)] if part.isdigit() else getattr(record, part)
     return record
 
 

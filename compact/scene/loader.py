@@ -194,9 +194,8 @@ class Scene(SceneTables):
                 else:
                     table[last] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
         _drop_fits(data, changes)
-        accuracy = data.get("accuracy")
-        if isinstance(accuracy, dict) and accuracy.get("engine") == AUTO:
-            accuracy["engine"], why = choose_engine(data)
+        if value_at(data, "accuracy.engine") == AUTO:
+            data["accuracy"]["engine"], why = choose_engine(data)
             source = replace(source, remarks={**source.remarks, ("accuracy", "engine"): f"{AUTO}: {why}"})
         try:
             return cls.model_validate(data), source, mistakes
@@ -217,8 +216,7 @@ class Scene(SceneTables):
         if self.mix.fitted_at is not None:  # its values are those of the file, not of a caller
             changes["mix.fitted_at"] = self.mix.fitted_at.model_dump()
         changes |= {limit.key: limit.taken[0] for limit in self._neglected(engine)}
-        for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
-            changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
+        changes |= dict(_flat(given.model_dump(exclude_none=True))) if given else {}
         found = self.replaced(**changes)
         found._source = self._source.of_comparison(engine, found._source)
         return found
@@ -418,17 +416,16 @@ def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
 
 def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
     """Drop from `[mix.fitted_at]` the parameters that a caller gives: given values hold as they are."""
-    mix: Any = data.get("mix")
-    fit: Any = mix.get("fitted_at") if isinstance(mix, dict) else None
-    names = fit.get("parameters") if isinstance(fit, dict) else None
-    if not isinstance(names, (list, tuple)) or any(f"{key}.".startswith("mix.fitted_at.") for key in changes):
+    names = value_at(data, "mix.fitted_at.parameters")
+    valid = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
+    if not valid or any(f"{key}.".startswith("mix.fitted_at.") for key in changes):
         return
     given = {key.rpartition(".")[2] for key in changes}.union(*(new for new in changes.values() if type(new) is dict))
     kept = [name for name in names if name not in given]
     if kept:
-        fit["parameters"] = kept
+        data["mix"]["fitted_at"]["parameters"] = kept
     elif names:
-        del mix["fitted_at"]
+        del data["mix"]["fitted_at"]
 
 
 def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
