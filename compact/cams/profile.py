@@ -170,13 +170,15 @@ class RollerFollower(_RadialFollower):
 
         This is excluded where rho^2/w > r all round: the whole profile is then visible from the axis.
         """
-        if np.min(rho**2 / np.hypot(rho, slope)) > self.radius:
+        outwards = rho**2 / np.hypot(rho, slope)
+        if np.min(outwards) > self.radius:
             return False
         from scipy.spatial import cKDTree
 
         radial, offset, *_ = self.contact(rho, slope, slope)
-        along, turn = rho * np.exp(1j * angle), np.exp(1j * angle)
-        pitch, profile = (points.view(float).reshape(-1, 2) for points in (along, (radial + 1j * offset) * turn))
+        turn = np.exp(1j * angle)
+        profile = ((radial + 1j * offset) * turn)[outwards < 2 * self.radius]  # flanks meet where it is the radius
+        pitch, profile = (points.view(float).reshape(-1, 2) for points in (rho * turn, profile))
         rounding = 1e-9 * self.radius + 1e-12 * np.max(rho)
         return bool(cKDTree(pitch).query(profile)[0].min() < self.radius - rounding)
 
