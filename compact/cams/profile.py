@@ -175,10 +175,9 @@ class RollerFollower(_RadialFollower):
             return False
         from scipy.spatial import cKDTree
 
-        radial, offset, *_ = self.contact(rho, slope, slope)
-        turn = np.exp(1j * angle)
-        profile = ((radial + 1j * offset) * turn)[outwards < 2 * self.radius]  # flanks meet where it is the radius
-        pitch, profile = (points.view(float).reshape(-1, 2) for points in (rho * turn, profile))
+        near = outwards < 2 * self.radius  # flanks meet where it is the radius
+        profile = self.contact(rho, slope, slope).place(angle)[:, near].T
+        pitch = (rho * np.array([np.cos(angle), np.sin(angle)])).T
         rounding = 1e-9 * self.radius + 1e-12 * np.max(rho)
         return bool(cKDTree(pitch).query(profile)[0].min() < self.radius - rounding)
 
