@@ -134,9 +134,9 @@ class AirFlow:
         fluxes, size = evaluate(excess)
         least = size
         with threadpool_limits(1):  # threads slow down systems of this size
-            for _ in range(MAX_ITERATIONS):
+            for iteration in range(MAX_ITERATIONS):
                 if size <= RESIDUAL_TOLERANCE:
-                    return AirPressure(self, speed, excess.reshape(self.air_volume.shape), fluxes)
+                    return AirPressure(self, speed, excess.reshape(self.air_volume.shape), iteration, fluxes)
                 p, before, change = ambient + excess, size, np.zeros(volume.size)
                 tangent = csr_array(convection.multiply(volume) + diffusion.multiply(p))
                 change[free] = spsolve(tangent[free][:, free], -fluxes[free])
@@ -212,6 +212,8 @@ class AirPressure:
         Speed of the roller [m/s].
     excess : ndarray, shape (n, m)
         Pressure above that of the surroundings at the nodes [Pa].
+    iterations : int
+        Newton iterations.
     fluxes : ndarray, shape (n m,)
         Air that enters at the nodes, pressure times volume per time [Pa m2/s]; 0 but for drained nodes.
     """
@@ -219,6 +221,7 @@ class AirPressure:
     flow: AirFlow
     speed: float
     excess: Array
+    iterations: int
     fluxes: Array
 
     @property
