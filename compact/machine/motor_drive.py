@@ -342,8 +342,6 @@ class AccelerationPhase:
     ----------
     time, angle, speed : ndarray
         Time [s] and angle of the shaft [rad] since the start, and its speed [rad/s].
-    revolutions : int
-        Whole revolutions up to the periodic regime.
     energy_residual : float
         Energy-balance residual over the work of the motor [-].
     """
@@ -351,7 +349,6 @@ class AccelerationPhase:
     time: Array
     angle: Array
     speed: Array
-    revolutions: int
     energy_residual: float
 
 
@@ -390,7 +387,7 @@ def simulate_acceleration_phase(periodic: MotorRun) -> AccelerationPhase:
         )
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
     residual = abs(works[0] - works[1] - motor.inertia * speed[-1] ** 2 / 2) / works[0]
-    return AccelerationPhase(time, angle, speed, revolution + 1, float(residual))
+    return AccelerationPhase(time, angle, speed, float(residual))
 
 
 def _first_instant(motor: Motor, load: CartsOnShaft) -> tuple[float, float, float]:

@@ -113,33 +113,18 @@ class PoreAir:
         above = np.clip(void_ratio - least + width, 0.0, 2 * width)
         return np.where(void_ratio > least + width, void_ratio, least + above**2 / (4 * width))
 
-    def permeability_at(self, void_ratio: ArrayLike) -> Array:
-        """Compute the intrinsic permeability to air [m2].
-
-        Parameters
-        ----------
-        void_ratio : array_like
-            Air voids over solids and water e [-].
-
-        Returns
-        -------
-        ndarray
-            Permeability [m2].
-        """
+    def mobility(self, void_ratio: ArrayLike) -> Array:
+        """Compute permeability over viscosity [m2/(Pa s)] at air voids over solids and water e [-]."""
         occlusion = self.occlusion_saturation
         if occlusion is None:
-            return np.full(np.shape(void_ratio), self.permeability)
+            return np.full(np.shape(void_ratio), self.permeability / self.viscosity)
 
         def relative(void_ratio: ArrayLike) -> Array:
             over = np.minimum(self.saturation(void_ratio) / occlusion, 1.0)
             return (1 - over) ** 2 * (1 - over**2)
 
         share = relative(void_ratio) / relative(1 / self.fed_density_ratio - 1)
-        return self.permeability * np.maximum(share, OCCLUDED_SHARE)
-
-    def mobility(self, void_ratio: ArrayLike) -> Array:
-        """Compute permeability over viscosity [m2/(Pa s)] at air voids over solids and water e [-]."""
-        return self.permeability_at(void_ratio) / self.viscosity
+        return self.permeability * np.maximum(share, OCCLUDED_SHARE) / self.viscosity
 
 
 def water_volume(moisture: float) -> float:
