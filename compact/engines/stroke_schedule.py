@@ -60,7 +60,10 @@ class Strokes:
         """
         begin, end = self.places[stroke : stroke + 2]
         sign = np.sign(end - begin)
-        x = begin + sign * element * _step_ends(abs(end - begin) / element, every)
+        distance = abs(end - begin) / element  # in elements
+        places = np.concatenate([TURN_STEP_ENDS, np.arange(TURN_STEP_ENDS[-1] + STEP_LENGTH, distance, STEP_LENGTH)])
+        places = places[places < distance - PLACE_TOLERANCE][every - 1 :: every]
+        x = begin + sign * element * np.concatenate([[0.0], places, [distance]])
         low, high = np.repeat(self.times[stroke : stroke + 2][:, None], len(x) - 1, axis=1)
         # the roller may be at rest before it starts
         start = _first_time(
@@ -90,13 +93,6 @@ def stroke_schedule(motion: PrescribedMotion) -> Strokes:
     ]
     times = np.array([0.0, *reversals, motion.duration])
     return Strokes(motion, times, motion.position(times))
-
-
-def _step_ends(distance: float, every: int) -> Array:
-    """Return the ends of the steps of a stroke, in elements from its start, 0 and the distance included."""
-    places = np.concatenate([TURN_STEP_ENDS, np.arange(TURN_STEP_ENDS[-1] + STEP_LENGTH, distance, STEP_LENGTH)])
-    places = places[places < distance - PLACE_TOLERANCE]
-    return np.concatenate([[0.0], places[every - 1 :: every], [distance]])
 
 
 def _reversal(motion: PrescribedMotion, begin: float, end: float, direction: float) -> float:

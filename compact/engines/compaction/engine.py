@@ -135,6 +135,9 @@ def build_result(
     # one more step without strain corrects the stresses beyond the yield surface
     still = np.zeros((len(points.stress), 3))
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
+    # work of the roller less the work of deformation of the exit column and the work of slip
+    deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
+    balance = abs(last.resistance - deformation - last.slip_resistance)
     excess = np.abs(rest.stress - points.stress).max(axis=1)
     wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
     loaded = points.density_under_load(solid)
@@ -146,7 +149,7 @@ def build_result(
         x=x,
         pressure=pressure,
         shear_traction=shear,
-        work_residual=work_residual(solution),
+        work_residual=float(balance / resistance_scale(last.resistance, last.load)),
         peak_pressure=float(pressure.max()),
         indentation=frame.mesh.height - last.bottom_height,
         creep=solution.creepage,
@@ -179,22 +182,6 @@ def build_result(
 def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
     """Return the fields inside the layer of a result, see `RollerFrame.field_mesh`."""
     return rolled.solution.frame.field_mesh(rolled.solution.state, 1.0 if rolled.speed > 0 else -1.0)
-
-
-def work_residual(solution: IncrementalRolling) -> float:
-    """Return the residual of the energy balance over the resistance [-].
-
-    It is the work of the roller less the work of deformation of the exit column and the work of slip.
-
-    Parameters
-    ----------
-    solution : IncrementalRolling
-        Steady solution.
-    """
-    frame, last = solution.frame, solution.steps[-1]
-    deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
-    scale = resistance_scale(last.resistance, last.load)
-    return float(abs(last.resistance - deformation - last.slip_resistance) / scale)
 
 
 def _share_between_edges(solution, chosen, trailing, leading):

@@ -192,7 +192,8 @@ class FiniteStrainSolid:
         points = cap_plasticity.MaterialPoint(*after[:4])
         end = SolidState(displacement, points, after[4], before.carried_pressure)
         forces = forces if self.air_forces is None else forces - self.air_forces
-        return SolidIncrement(self, end, multipliers, forces, stiffness)
+        internal = np.bincount(self.element_dofs.ravel(), forces.ravel(), 2 * self.basis.N)  # floats, as it has weights
+        return SolidIncrement(end, multipliers, cast(Array, internal.reshape(-1, 2)), stiffness)
 
     @cached_property
     def ordered_dofs(self) -> IntArray:
@@ -282,27 +283,17 @@ class SolidIncrement:
 
     Parameters
     ----------
-    solid : FiniteStrainSolid
-        Finite elements of the layer.
     after : SolidState
         State after the increment.
     multipliers : ndarray, shape (n, substeps)
         Unknowns of the return mappings [-].
-    element_forces : ndarray, shape (elements, 16)
-        Internal forces of the elements [N/m].
+    internal_forces : ndarray, shape (N, 2)
+        Internal forces of the nodes [N/m].
     element_stiffness : ndarray, shape (elements, 16, 16), or (0, 16, 16) without tangent
         Stiffness d(internal forces)/d(displacement) of the elements [N/m2].
     """
 
-    solid: FiniteStrainSolid
     after: SolidState
     multipliers: Array
-    element_forces: Array
+    internal_forces: Array
     element_stiffness: Array
-
-    @property
-    def internal_forces(self) -> Array:
-        """Internal forces of the nodes [N/m], shape (N, 2)."""
-        dofs, count = self.solid.element_dofs, 2 * self.solid.basis.N
-        forces = np.bincount(dofs.ravel(), self.element_forces.ravel(), count)
-        return cast(Array, forces.reshape(-1, 2))  # floats, as it has weights
