@@ -13,7 +13,7 @@ from compact.machine.cart import EndSprings, balance
 from compact.machine.component_sizing import Bearing, CatalogueMotor
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.machine.hydraulic_drive import Hydraulic, simulate_stroke
+from compact.machine.hydraulic_drive import Circuit, Hydraulic
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import DrivenRoller, pull_range
@@ -47,7 +47,7 @@ def accelerate(*arguments):
 
 def stroke(resistance):
     areas = (PiecewisePolynomial(np.array([0.0, 2.0]), np.array([[area]])) for area in (1e-6, 2e-5))
-    return simulate_stroke(CART, HYDRAULIC, 0.4, tuple(areas), resistance)
+    return Circuit(CART, HYDRAULIC, 0.4, tuple(areas), resistance).simulate()
 
 
 def driven_roller(**changes):
