@@ -433,7 +433,7 @@ class RollerRow:
         """Yield the number of strokes since the start, and a mesh with the fields of `rectangles`."""
         import meshio
 
-        machine, states, count = self.problem.machine, self.history.states, len(self.history.load)
+        machine, states, count = self.problem.machine, self.history.states, self.history.count
         for number in np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int)).tolist():
             pieces = [(0.0, machine.roller_length, number, states[number])]
             if machine.strokes is None:

@@ -159,6 +159,11 @@ class SectionHistory:
     offered: Array
 
     @property
+    def count(self) -> int:
+        """Number of strokes."""
+        return len(self.load)
+
+    @property
     def surface(self) -> Array:
         """Height of the surface after each stroke [m]."""
         return np.array([state.height for state in self.states[1:]])
@@ -171,7 +176,7 @@ class SectionHistory:
     @property
     def mean_bite(self) -> float:
         """Mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
-        weights = self.make_up if self.make_up.any() else np.ones(len(self.load))
+        weights = self.make_up if self.make_up.any() else np.ones(self.count)
         return float(np.average(np.maximum(self.bite, 0.0), weights=weights))
 
     @property
