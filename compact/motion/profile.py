@@ -21,6 +21,7 @@ from compact.numerics.piecewise import find_roots, graded_grid, integrate
 
 EndCondition = Literal["reversal", "dwell"]
 END_CONDITIONS: tuple[EndCondition, ...] = get_args(EndCondition)
+DERIVATIVE_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")
 JUMP_TOLERANCE = 1e-9  # [-], of the largest value of the derivative: a smaller jump is rounding
 PHASE_ROUNDING = 8 * np.finfo(float).eps  # [-], of the phase: distance between the two sides of a breakpoint
 HIGHEST_ORDER = 20  # [-], of a derivative
@@ -104,6 +105,11 @@ class Discontinuity:
     order: int
     before: float
     after: float
+
+    @property
+    def quantity(self) -> str:
+        """Name of the derivative."""
+        return DERIVATIVE_NAMES[self.order]
 
 
 class TravelDerivatives:
