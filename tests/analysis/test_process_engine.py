@@ -123,7 +123,7 @@ def test_the_process_stands_beside_a_pass_and_the_larger_one_sizes(monkeypatch):
         "behind a make-up of 3 mm they are 0.01 to 0.03 and 0.14 to 0.24" in each
         for each in text.sentences("turn", found)
     )
-    share = other.turning[0](0.11)
+    share, _ = other.turning(0.11)
     drag = ProcessStudy(found.scene.with_engine("process")).standing_drag
     forming = other.mean_resistance[found.scene.motion.duration] - drag
     assert share(1.0) == pytest.approx(1)
