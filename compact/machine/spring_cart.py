@@ -49,6 +49,7 @@ from compact.numerics.jit import compiled, inlined, internal
 from compact.numerics.piecewise import PiecewisePolynomial
 
 BAND = 1e-10  # [-], of a speed or a travel; an event lies so far beyond its place, so that rounding repeats none
+KNOT_BAND = 30.0  # [-], of tolerance over force scale; likewise for a knot of the resistance, at which a cart may creep
 FORCE_BAND = 1e-6  # [-], of the force scale; likewise for the drive force, whose magnitude is smooth to its square
 REST_BAND, PLATE_BAND = 1e-13, 1e-15  # [-], of the fastest speed, and of the stroke; likewise for rest and plates
 HOLD = 1e-11  # [-], of the force scale; a cart at rest breaks away so far beyond the limit
@@ -250,6 +251,8 @@ def _find_margins(cart, state, within, limits, step, mix, margins, events):
     slip, flank, zone, scale = within.slip, state[FLANK], state[ZONE], cart.force_scale
     fastest = cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
     low, high = (within.low, within.high) if slip > 0 else (-within.high, -within.low)
+    band = KNOT_BAND * cart.tolerance / scale
+    band = band if band > BAND else BAND
     for k in range(EVENTS):
         events[k] = PASSED
         for i in range(ORDER + 1):
@@ -262,9 +265,9 @@ def _find_margins(cart, state, within, limits, step, mix, margins, events):
             pull = pull_on_cart(cart, flank, zone, y, e, rate)[0]
             margins[1, i], margins[2, i] = limits[1] + HOLD * scale - pull, pull - limits[0] + HOLD * scale
         else:
-            margins[1, i] = speed - low * (1 - BAND) + REST_BAND * fastest
+            margins[1, i] = speed - low * (1 - band) + REST_BAND * fastest
             if high < np.inf:
-                margins[2, i] = high * (1 + BAND) + REST_BAND * fastest - speed
+                margins[2, i] = high * (1 + band) + REST_BAND * fastest - speed
             if within.event < np.inf:
                 margins[3, i] = within.event + BAND * cart.stroke - slip * (y - e - state[TURN])
         for k in range(2):
