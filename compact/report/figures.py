@@ -6,6 +6,7 @@ blindness: two laws differ by 16 or more in CIELAB (1976 distance) for normal vi
 figures can be read in grey.
 """
 
+import math
 from collections.abc import Mapping
 from itertools import islice
 from typing import Any
@@ -24,6 +25,7 @@ from compact.analysis.stages.drives import Place
 from compact.machine.component_sizing import SizingRule
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, TIME, Quantity
+from compact.report.tables import format_column
 
 FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
     "rest to rest": {
@@ -284,8 +286,8 @@ def draw_rankings(orders: Mapping[str, list[Place]]) -> Figure:
     orders = dict(islice(orders.items(), RANKING_PANELS))
     labels: dict[str, list[str]] = {}
     for by, order in orders.items():
-        factor = CRITERIA[by].quantity.plot_factor
-        values = ["" if each.reason else f"{each.value * factor:#.4g}".rstrip(".") for each in order]
+        finite = [math.nan if each.reason else each.value for each in order]
+        values = format_column(finite, CRITERIA[by].unit, 3)
         labels[by] = [f"{each.rank}  {each.law}  {value}" for each, value in zip(order, values, strict=True)]
     size = PANEL_WIDTH, ROW_HEIGHT * max(map(len, orders.values())) + 0.2
     margin = 0.3 + LETTER_WIDTH * max(len(label) for each in labels.values() for label in each)
