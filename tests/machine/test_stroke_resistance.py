@@ -338,3 +338,19 @@ def test_all_laws_behind_twelve_drives_cost_few_evaluations(share):
             told += "no periodic regime" in str(error)
     assert intervals < 24000
     assert told <= 4
+
+
+@pytest.mark.parametrize(("name", "duration"), [("harmonic", 3.0), ("harmonic", 8.0), ("cubic", 8.0)])
+def test_creep_at_a_knot_of_the_resistance_takes_few_steps(name, duration):
+    """The speed of a slow cart is known to the tolerance only; by a band of rounding it passed a knot 20 000 times."""
+
+    def rate_law(velocity, acceleration):
+        return 3486.0 * np.sign(velocity) * np.abs(velocity / 0.45) ** 0.02
+
+    resistance = replace(CASES["wave"][0], resistance=rate_law)
+    law = published_law(name, duration)
+    fine, coarse = (
+        simulate_elastic(CART, replace(elastic(1e6, 0.05), tolerance=at), law, resistance) for at in (1e-8, 1e-4)
+    )
+    assert coarse.cost.intervals < 1000
+    assert [coarse.peak_force, coarse.peak_power] == pytest.approx([fine.peak_force, fine.peak_power], rel=1e-4)
