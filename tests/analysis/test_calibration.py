@@ -104,8 +104,9 @@ def test_sensitivity_is_the_slope_of_the_refit(published):
 def test_fit_by_real_finite_elements_satisfies_the_measurements():
     """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers.
 
-    At its depth in place of its density it differs by less than both error estimates, of drift and start alone, since
-    both are on the same meshes.
+    At its depth in place of its density the load of the steps differs by less than both error estimates, of drift and
+    start alone. The extrapolation to short steps compares meshes at a depth .8 % from it, so that nodes lie elsewhere
+    in the contact: that is an error of the mesh.
     """
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
     options = {"increments": 7, "steady_tolerance": 3e-4}
@@ -122,7 +123,9 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
     assert np.all(errors < [[2e-3], [6e-3]])  # the latter contains the miss of the density within its tolerance
     error = errors.sum(axis=0)
-    assert again.load == pytest.approx(rolled.load, rel=error[0])
+    assert again.load / again.load_factor == pytest.approx(rolled.load / rolled.load_factor, rel=error[0])
+    assert again.load == pytest.approx(rolled.load, rel=error[0] + rolled.error_parts.mesh[0])
+    assert again.load_factor == pytest.approx(rolled.load_factor, abs=2e-3)
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
 
 

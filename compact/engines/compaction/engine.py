@@ -296,7 +296,7 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     That by the increments is a share of the correction for the load, and the whole of it for the resistance, which is
     not extrapolated. That by the elements is the error of second order after the last change of the mesh. Both are at
     least those of a typical lift, since two searches may agree by chance; their squares add. Searches are compared at
-    what is prescribed, by the exponents of the forces over the depth.
+    the depth of the coarser one.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
         return None
     load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
     scales = np.array([load, resistance_scale(resistance, load)])
-    corrections = (fine.values - halves.values_at(fine.depth))[:2] / (fine.increments / halves.increments - 1)
+    corrections = (fine.first[0] - halves.values)[:2] / (fine.increments / halves.increments - 1)
     by_increments = np.maximum(np.abs(corrections) / scales, TYPICAL_CHANGE / fine.increments)
     if fine.load_factor != 1:
         by_increments[0] *= CORRECTION_SHARE
@@ -316,7 +316,7 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     coarser = halves.coarse
     if coarser is not None and round(coarser.elements) < round(halves.elements):
         order = (halves.elements / coarser.elements) ** 2 - 1
-        changes = (halves.values - coarser.values_at(halves.depth))[:2] / order
+        changes = (halves.first[0] - coarser.values)[:2] / order
         by_elements = np.maximum(np.abs(changes) / scales, by_elements)
     load_error, resistance_error = np.hypot(by_increments, by_elements).tolist()
     return load_error, resistance_error

@@ -24,7 +24,6 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE, IncrementalRolling
 from compact.engines.compaction.rolling_case import DepthSecant, DepthTarget
 from compact.engines.compaction.steady_state import QUANTITIES, BowWaveMode, ErrorParts, Relaxation, WaveDrift
-from compact.numerics import Array
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError, resistance_scale
 
 # chosen by halving and doubling each on random lifts, see docs/theory/compaction.md; lengths over the contact length
@@ -79,6 +78,9 @@ class SteadySearch:
         `QUANTITIES` in the steady state.
     drift, start : ndarray, shape (4,)
         Distances from it: along the slow mode, and scatter with the transient that is not part of the mode.
+    first : ndarray, shape (3, 4)
+        `values`, `drift` and `start` at the first depth, which is that of the search before: what differs from its
+        values is an effect of the mesh.
     distance : float
         Their largest sum, of load and resistance over their own, the latter not too small, and of the density [-].
     is_steady : bool
@@ -93,6 +95,7 @@ class SteadySearch:
         self.tolerance = self.case.numerics.steady_tolerance
         self.target_tolerance = target.tolerance(self.elements, len(rolling.parts))
         self.values = self.drift = self.start = np.zeros(len(QUANTITIES))
+        self.first, self._first_depth = np.zeros((3, len(QUANTITIES))), depth
         self.distance, self.is_steady = np.inf, False
         self._miss, self._missed, self._begin = 0.0, "", 0
         self._depth_exponent: float | None = None
@@ -124,17 +127,8 @@ class SteadySearch:
     @property
     def _change_by_mesh(self) -> float:
         """Relative change of the load from the steady state on the mesh before [-], 0 without one."""
-        coarse = self.coarse
-        if coarse is None or not coarse.is_steady or not self._waves:
-            return 0.0
-        return float(1 - coarse.values_at(self.depth)[0] / self.values[0])
-
-    def values_at(self, depth: float) -> Array:
-        """Return load, resistance and peak pressure scaled to a near depth [m], as part of `QUANTITIES`."""
-        exponents = DEPTH_EXPONENTS.copy()
-        if self._depth_exponent is not None and self.target.quantity in ("load", "peak_pressure"):  # measured
-            exponents[QUANTITIES.index(self.target.quantity)] = self._depth_exponent
-        return np.asarray(self.values * (depth / self.depth) ** exponents)
+        coarse, load = self.coarse, float(self.first[0, 0])
+        return 0.0 if coarse is None or not coarse.is_steady or not load else 1 - float(coarse.values[0]) / load
 
     def _continue_on(self, new: IncrementalRolling) -> None:
         """Continue from the present state on another mesh."""
@@ -254,6 +248,8 @@ class SteadySearch:
         self.values = drift.values + slopes * jump
         transient = self._length * np.abs(drift.slopes - slopes * drift.wave_slope)
         self.drift, self.start = LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient
+        if self.depth == self._first_depth:
+            self.first = np.array([self.values, self.drift, self.start])
         load, resistance = np.abs(drift.values[:2])
         scales = [load, max(resistance, MIN_RESISTANCE * load), 1.0]
         self.distance = float(((self.drift + self.start)[:3] / scales).max())
@@ -404,14 +400,15 @@ class SteadySearch:
     def error_parts(self, mesh: tuple[float, float] | None) -> ErrorParts:
         """Return the relative errors of load and resistance at what is prescribed, with those by the mesh [-].
 
-        The extrapolated load has the errors of both meshes, times their weights in it.
+        The extrapolated load has the errors of what is compared on both meshes, times its weight in it.
         """
         load, resistance = np.abs(self.values[:2]).tolist()
         parts = [each[:2] / [load, resistance_scale(resistance, load)] for each in (self.drift, self.start)]
         if self.coarse is not None and self.load_factor != 1:
             weight, coarse = 1 / (self.increments / self.coarse.increments - 1), self.coarse
-            for part, of_coarse in zip(parts, (coarse.drift, coarse.start), strict=True):
-                part[0] = np.hypot((1 + weight) * part[0], weight * of_coarse[0] / coarse.values[0])
+            firsts, others = self.first[1:, 0] / self.first[0, 0], [coarse.drift[0], coarse.start[0]] / coarse.values[0]
+            for part, first, other in zip(parts, firsts, others, strict=True):
+                part[0] = np.hypot(part[0] + weight * first, weight * other)
         parts[1] += DEPTH_EXPONENTS[:2] * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth
         if self.target.quantity == "load":  # the depth takes over the error of the load
             for part in parts:
