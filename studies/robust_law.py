@@ -4,7 +4,7 @@ The law with the least worst peak of the drive force over elastic drives of 0.3 
 0.2, against the best published law over the same drives, judged by simulation. The first table knows force and place of
 the fresh mix; the second shows what is left of the gain where they are known by less: what measuring them is worth.
 Outside its range a robust law is worse than a published one. The cart of the published machine weighs 1000 kg and runs
-0.4 m in 0.889 s; F is 3486 N, the friction of the guides 80 N. 14 to 114 s on two processors for each row.
+0.4 m in 0.889 s; F is 3486 N, the friction of the guides 80 N. 15 to 75 s on two processors for each row.
 """
 
 from pathlib import Path

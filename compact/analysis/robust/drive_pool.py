@@ -34,12 +34,12 @@ from compact.motion.profile import MotionProfile
 from compact.numerics import Array
 from compact.turning import StrokeResistance
 
-STEPS = 1200  # [-], of a pass; twice as many change no peak force by 1e-3
+STEPS = 720  # [-], of a pass; twice as many change no peak force by 1e-3
 SHARE_SAMPLES = 4096  # [-], of the share over the stroke
 SPEED_SAMPLES = 512  # [-], of the steady force over the speeds
 SPEED_RANGE = 3.0  # [-], largest tabulated speed of the cart over that of the law; held beyond
 SLOWEST = 1e-6  # [-], slowest tabulated speed over the fastest
-THREAD_DRIVES = 8  # [-], that a thread simulates at a time; those without periodic regime take ten times as long
+THREAD_DRIVES = 4  # [-], that a thread simulates at a time; those without periodic regime take ten times as long
 MIRRORED = 1e-9  # [-], difference of both strokes that is rounding
 
 
@@ -177,4 +177,4 @@ class DrivePool(NamedTuple):
         threads = cores() if parent_process() is None else 1  # a worker has one processor
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(fill, range(0, count, THREAD_DRIVES)))
-        return PoolForces(forces.reshape(count, -1), states, passes)
+        return PoolForces(forces.reshape(count, self.sides * len(law.velocity)), states, passes)

@@ -5,8 +5,9 @@
 Each drive is an elastic drive of the range with one of the resistances, simulated with sticking and memory
 (`drive_pool`). Linear programs around the histories of the worst drives give a direction (`program`); a
 part of the way is taken without a test, since the worst peak rises before it falls, and the best law by simulation is
-kept. A trust region with slopes by differences follows. Drives that were not in the pool then judge the law; while one
-of them exceeds the worst peak told, the worst of them join the pool.
+kept. A trust region with slopes by differences follows; a slope is kept while it predicts the gain. Drives that were
+not in the pool then judge the law. A resonance is a few percent of the stiffness wide: with each resistance it is
+sought about the worst drive. While one exceeds the worst peak told, the worst ones join the pool.
 
 The number is that of simulations; the duality gap is that of the linear programs. The law holds in its range alone:
 outside it the peak rises steeply, so that the range belongs to the number.
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, pass_table, travel_table
+from compact.analysis.robust.drive_pool import DrivePool, PassTable, pass_table, travel_table
 from compact.analysis.robust.program import LawSpace, ProgramStep, Row
 from compact.machine.cart import Cart, Resistance
 from compact.motion.laws import LAWS
@@ -37,13 +38,18 @@ FIRST_DRIVES, MORE_DRIVES, MOST_DRIVES = 12, 6, 60  # [-], of a program: at the 
 SEARCH_STEPS, POLISH_STEPS = 32, 8  # [-], programs without a test, and of the trust region
 MOVE, LATE_MOVE = 0.4, 0.13  # [-], of the way to the optimum of a program; in the last third
 POLISH_DRIVES = 24  # [-], worst ones, whose slopes are those of differences
+HIGH = 0.7  # [-], of the worst peak; drives below it cannot become worst within a trust region
 DIFFERENCE = 2e-3  # [-], of the largest unknown
 FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
 SHRINKS = 4  # [-], of the trust region in one step
 LEAST_GAIN = 1e-3  # [-], of the worst peak, below which the trust region ends
-FRESH_DRIVES, FRESH_SEED = 1000, 1  # [-]
+FRESH_DRIVES, FRESH_SEED = 1000, 1  # [-], of a round
+OTHER_DAMPING = 4  # [-], one fresh drive of so many is not least damped
 FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
 FRESH_ROUNDS = 6  # [-], in which fresh drives join the pool
+SUSPECTS = 300  # [-], known drives that judge with fresh ones that exceed the pool
+NEAR = np.exp(np.linspace(-0.075, 0.075, 11))  # [-], stiffnesses over that of a drive whose resonance is sought
+JOINING = 80  # [-], worst drives of a round that join the pool
 INNER = 64  # [-], points inside a range of resistances, with which fresh drives judge
 BOUNDING = 20  # [-], one drive of so many bounds the worst peak of a published law from below
 GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gains nothing
@@ -80,11 +86,6 @@ class PlantRange:
         columns = zip(counts, ratios, strict=True)
         grid = [np.column_stack([np.geomspace(*self.stiffness, n), np.full(n, z)]) for n, z in columns]
         return np.unique(np.concatenate(grid), axis=0)  # a known value counts once
-
-    def random(self, count: int, random: np.random.Generator) -> Array:
-        """Return (k, damping ratio) of random drives, shape (count, 2)."""
-        low, high = np.log(np.array([self.stiffness, self.damping_ratio]).T)
-        return np.exp(random.uniform(low, high, (count, 2)))
 
 
 @dataclass(frozen=True)
@@ -229,10 +230,10 @@ def robust_law(
     search.descend(effort.steps - effort.steps // 3, MOVE)
     search.descend(effort.steps // 3, LATE_MOVE)
     if objective == "robust_peak_power":
-        search.turn_to_power()
+        search.power = True  # `polish` finds that of the best law
     search.polish(effort.polish)
     judges = DrivePool.of(cart.mass, plants.grid(effort.counts), tables, range(samples))
-    judges, peaks = _face_fresh_drives(search, plants, judges, effort.polish)
+    judges, peaks = _face_fresh_drives(search, plants, judges, effort.polish // 2)
     name, rivals = _best_published(search, judges, effort.published)
     motion = space.motion(search.best, objective.replace("_", "-"))
     worst, rival = _worst_of(judges, peaks), _worst_of(judges, rivals)
@@ -255,25 +256,57 @@ def between(low: ArrayLike, high: ArrayLike, count: int = INNER) -> Array:
 def _face_fresh_drives(
     search: "_Search", plants: PlantRange, judges: DrivePool, polish: int
 ) -> tuple[DrivePool, Array]:
-    """Let drives that are not in the pool judge the law; the worst of them join it. All judges and their peaks."""
-    random, peaks, states = np.random.default_rng(FRESH_SEED), np.empty(0), None
+    """Let drives that are not in the pool judge the law; the worst of them join it. All judges and their peaks.
+
+    While fresh drives exceed the peak of the pool, only the worst known ones judge the next law.
+    """
+    random = np.random.default_rng(FRESH_SEED)
+    peaks, states = search.judge(search.space.table(search.best), judges)
     for _ in range(FRESH_ROUNDS):
-        fresh, table = _random_drives(plants, judges, random), search.space.table(search.best)
-        known, states = search.judge(table, judges, states)
+        fresh, table = _fresh_drives(plants, judges, random), search.space.table(search.best)
         found, others = search.judge(table, fresh)
-        judges, states, peaks = judges.joined(fresh), np.concatenate([states, others]), np.concatenate([known, found])
-        if peaks.max() <= search.value * (1 + FRESH_TOLERANCE):
+        limit = search.value * (1 + FRESH_TOLERANCE)
+        which = _falling(peaks)[: len(peaks) if found.max() <= limit else SUSPECTS]
+        peaks[which], states[which] = search.judge(table, judges.take(which), states[which])
+        judges, states, peaks = judges.joined(fresh), np.concatenate([states, others]), np.concatenate([peaks, found])
+        near = _neighbours(plants, judges, peaks)
+        found, others = search.judge(table, near)
+        tops = np.arange(0, len(found), len(NEAR)) + np.argmax(found.reshape(-1, len(NEAR)), axis=1)
+        judges, states = judges.joined(near.take(tops)), np.concatenate([states, others[tops]])
+        peaks = np.concatenate([peaks, found[tops]])
+        if peaks.max() <= limit:
             return judges, peaks
-        search.drives = search.drives.joined(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
+        inside = set(map(tuple, search.drives.drives.tolist()))
+        outside = [i for i in _falling(peaks) if tuple(judges.drives[i].tolist()) not in inside]
+        search.drives = search.drives.joined(judges.take(outside[:JOINING]))
         search.polish(polish)
     return judges, search.judge(search.space.table(search.best), judges, states)[0]
 
 
-def _random_drives(plants: PlantRange, pool: DrivePool, random: np.random.Generator) -> DrivePool:
-    """Random drives of a range, half of them least damped, with the resistances of a pool in turn."""
-    which, springs = random.permutation(np.arange(FRESH_DRIVES) % len(pool.tables)), plants.random(FRESH_DRIVES, random)
-    springs[::2, 1] = plants.damping_ratio[0]  # the least damped decide, and no random one is
-    return pool._replace(drives=np.column_stack([springs, which]))
+def _fresh_drives(plants: PlantRange, pool: DrivePool, random: np.random.Generator) -> DrivePool:
+    """Drives of a range with the resistances of a pool, one at random in each of even parts of the stiffnesses."""
+    resistances = len(pool.tables)
+    parts = math.ceil(FRESH_DRIVES / resistances)
+    shares = random.uniform(size=(2, resistances, parts))
+    shares[0] = (shares[0] + np.arange(parts)) / parts
+    shares[1, :, np.arange(parts) % OTHER_DAMPING > 0] = 0.0  # the least damped decide, and no random one is
+    ranges = zip((plants.stiffness, plants.damping_ratio), shares, strict=True)
+    columns = [(low * (high / low) ** share).ravel() for (low, high), share in ranges]
+    return pool._replace(drives=np.column_stack([*columns, np.repeat(np.arange(resistances), parts)]))
+
+
+def _neighbours(plants: PlantRange, judges: DrivePool, peaks: Array) -> DrivePool:
+    """Drives of a range with stiffnesses near that of the worst judge with each of the resistances, in turn."""
+    order = _falling(peaks)
+    _, first = np.unique(judges.drives[order, 2], return_index=True)
+    near = judges.take(np.repeat(order[first], len(NEAR)))
+    near.drives[:, 0] = np.clip(near.drives[:, 0] * np.tile(NEAR, len(first)), *plants.stiffness)
+    return near
+
+
+def _falling(peaks: Array) -> IntArray:
+    """Places of peaks from the largest; equal ones in their order."""
+    return np.argsort(-peaks, kind="stable")
 
 
 def _worst_of(pool: DrivePool, peaks: Array) -> WorstDrive:
@@ -296,67 +329,77 @@ class _Search:
     _program: list[int] = field(default_factory=list)
     _rows: set[Row] = field(default_factory=set)
     _responses: dict[tuple[float, float], Array] = field(default_factory=dict)
-    _states: Array | None = None
+    _slopes: dict[int, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.best = self.space.start
 
-    def histories(self, drives: DrivePool, table: PassTable, states: Array | None = None) -> tuple[Array, PoolForces]:
-        """H or H y' of each drive, and the simulation."""
+    def histories(self, drives: DrivePool, table: PassTable, states: Array | None = None) -> tuple[Array, Array]:
+        """H or H y' of each drive, and its states, a start for a similar law."""
         forces = drives.simulate(table, states)
-        return forces.powers(table) if self.power else forces.forces, forces
+        return forces.powers(table) if self.power else forces.forces, forces.states
 
     def judge(self, table: PassTable, drives: DrivePool, states: Array | None = None) -> tuple[Array, Array]:
-        """Peak of a law on each of some drives, and the states of the drives, a start for a similar law."""
-        histories, forces = self.histories(drives, table, states)
-        return np.abs(histories).max(axis=1), forces.states
-
-    def evaluate(self, unknowns: Array) -> tuple[Array, PoolForces]:
-        """Histories of the pool and their simulation; the best law is kept."""
-        histories, forces = self.histories(self.drives, self.space.table(unknowns), self._states)
-        self._states = forces.states
-        if (value := float(np.abs(histories).max())) < self.value:
-            self.best, self.value = unknowns, value
-        return histories, forces
+        """Peak of a law on each of some drives, and the states of the drives."""
+        histories, states = self.histories(drives, table, states)
+        return np.abs(histories).max(axis=1), states
 
     def descend(self, steps: int, move: float) -> None:
-        """Move a part of the way to the optimum of each program, without a test."""
-        unknowns = self.best
-        for _ in range(steps):
-            histories, _ = self.evaluate(unknowns)
-            drives = self._choose(np.abs(histories).max(axis=1))
-            slopes = [self._response(i) for i in drives]
-            step = self._solve(unknowns, drives, histories, slopes)
-            unknowns = unknowns + move * step.change
-        self.evaluate(unknowns)
+        """Move a part of the way to the optimum of each program, without a test; the best law is kept."""
+        unknowns, states = self.best, None
+        for step in range(steps + 1):
+            histories, states = self.histories(self.drives, self.space.table(unknowns), states)
+            peaks = np.abs(histories).max(axis=1)
+            if peaks.max() < self.value:
+                self.best, self.value = unknowns, float(peaks.max())
+            if step < steps:
+                drives = self._choose(peaks)
+                slopes = [self._response(i) for i in drives]
+                unknowns = unknowns + move * self._solve(unknowns, drives, histories, slopes).change
 
     def polish(self, steps: int) -> None:
         """Move within a trust region with slopes by differences of simulations, while the worst peak falls."""
-        radius = FIRST_RADIUS * float(np.abs(self.best).max())
-        self._states, self._rows, self.value = None, set(), np.inf
-        found = self.evaluate(self.best)
+        histories, states = self.histories(self.drives, self.space.table(self.best))
+        radius, peaks = FIRST_RADIUS * float(np.abs(self.best).max()), np.abs(histories).max(axis=1)
+        self._rows, self.value, high = set(), float(peaks.max()), np.flatnonzero(peaks > HIGH * peaks.max())
         for _ in range(steps):
-            before, (histories, forces) = self.value, found
-            drives = np.argsort(-np.abs(histories).max(axis=1))[: POLISH_DRIVES if self.power else MOST_DRIVES].tolist()
-            slopes = list(self._differences(drives[:POLISH_DRIVES], histories, forces))
-            slopes += [self._response(i) for i in drives[POLISH_DRIVES:]]  # of less high ones with frozen resistance
+            before, drives = (
+                self.value,
+                _falling(np.abs(histories).max(axis=1))[:MOST_DRIVES].tolist(),
+            )
+            highest, lower = drives[:POLISH_DRIVES], [] if self.power else drives[POLISH_DRIVES:]
+            fresh = [i for i in highest if i not in self._slopes]
+            self._slopes.update(zip(fresh, self._differences(fresh, histories, states), strict=True))
+            slopes = [self._slopes[i] for i in highest] + [self._response(i) for i in lower]  # resistance frozen
             for _ in range(SHRINKS):
-                step = self._solve(self.best, drives, histories, slopes, radius)
-                found = self.evaluate(self.best + step.change)
+                step = self._solve(self.best, highest + lower, histories, slopes, radius)
+                histories, states = self._try(self.best + step.change, highest + lower, high, histories, states)
                 if self.value < before:
-                    radius *= 2.0 if self.value < before - (before - step.value) / 2 else 1.0
                     break
                 radius /= 3.0
-            if self.value > before * (1 - LEAST_GAIN):
+            if self.value < before - (before - step.value) / 2:
+                radius *= 2.0
+            else:  # the slopes have become wrong
+                self._slopes.clear()
+            if self.value > before * (1 - LEAST_GAIN) and fresh == highest:
                 return
 
-    def turn_to_power(self) -> None:
-        """Seek the least worst power from now on; `polish` finds that of the best law."""
-        self.power, self._rows = True, set()
+    def _try(
+        self, unknowns: Array, first: list[int], then: IntArray, histories: Array, states: Array
+    ) -> tuple[Array, Array]:
+        """Keep a law whose worst peak is lower on some drives, first, and on others then; histories and states."""
+        table = self.space.table(unknowns)
+        for which in (np.array(first), then):
+            moved, there = self.histories(self.drives.take(which), table, states[which])
+            if (value := float(np.abs(moved).max())) >= self.value:
+                return histories, states
+        self.best, self.value, histories, states = unknowns, value, histories.copy(), states.copy()
+        histories[then], states[then] = moved, there
+        return histories, states
 
     def _choose(self, peaks: Array) -> list[int]:
         """Drives of the next program: those of the last one and the worst others."""
-        others = [i for i in np.argsort(-peaks).tolist() if i not in set(self._program)]
+        others = [i for i in _falling(peaks).tolist() if i not in set(self._program)]
         self._program += others[: MORE_DRIVES if self._program else FIRST_DRIVES]
         self._program = sorted(self._program, key=lambda i: -peaks[i])[:MOST_DRIVES]
         return self._program
@@ -368,9 +411,9 @@ class _Search:
             self._responses[spring] = np.tile(self.space.response(*spring), (self.drives.sides, 1))
         return self._responses[spring]
 
-    def _differences(self, drives: list[int], histories: Array, forces: PoolForces) -> Array:
+    def _differences(self, drives: list[int], histories: Array, states: Array) -> Array:
         """Slopes of the histories of some drives by differences of simulations, within the equalities."""
-        chosen, states = self.drives.take(drives), forces.states[drives]
+        chosen, states = self.drives.take(drives), states[drives]
         directions, size = self.space.free_directions, DIFFERENCE * float(np.abs(self.best).max())
         changes = []
         for direction in directions.T:
@@ -394,23 +437,17 @@ def _best_published(search: _Search, drives: DrivePool, names: Sequence[str]) ->
     """Name and peaks of the published law with the least worst peak; a part of the drives bounds each from below."""
     laws = [law(name, search.space.stroke, search.space.duration) for name in names]
     tables = {each.name: pass_table(each) for each in laws if each.smoothness() >= 1}
-    part = drives.take(np.arange(0, len(drives.drives), BOUNDING))
-    bounds = {name: search.judge(table, part)[0].max() for name, table in tables.items()}
+    some = drives.take(np.arange(0, len(drives.drives), BOUNDING))
+    bounds = {name: search.judge(table, some)[0].max() for name, table in tables.items()}
     best, peaks, order = "", np.array([np.inf]), np.arange(len(drives.drives))
     for name in sorted(bounds, key=lambda name: bounds[name]):
-        if bounds[name] < peaks.max() and (found := _peaks_below(search, tables[name], drives, order, peaks.max())):
-            best, (peaks,) = name, found
-            order = np.argsort(-peaks)  # drives that are hard on one law are hard on others
+        found, parts = np.zeros(len(order)), iter(np.array_split(order, min(BOUNDING, len(order))))
+        while max(bounds[name], found.max()) < peaks.max() and (part := next(parts, None)) is not None:
+            found[part] = search.judge(tables[name], drives.take(part))[0]
+        if max(bounds[name], found.max()) < peaks.max():
+            best, peaks, order = (
+                name,
+                found,
+                _falling(found),
+            )  # drives that are hard on one law are hard on others
     return best, peaks
-
-
-def _peaks_below(
-    search: _Search, table: PassTable, drives: DrivePool, order: IntArray, limit: float
-) -> tuple[()] | tuple[Array]:
-    """Tuple of the peaks of a law, the drives taken in an order; empty as soon as one reaches the limit."""
-    peaks = np.zeros(len(order))
-    for part in np.array_split(order, min(BOUNDING, len(order))):
-        peaks[part] = search.judge(table, drives.take(part))[0]
-        if peaks[part].max(initial=0.0) >= limit:
-            return ()
-    return (peaks,)

@@ -31,7 +31,7 @@ from compact.numerics.jit import compiled, internal
 
 PASSES = 60  # [-], at most; 3 to 12 are usual
 UNSETTLED_PASSES = 12  # [-], where none is periodic: the one with the largest force counts
-CLOSURE = 3e-6  # [-], of the force scale; residual of a closed pass
+CLOSURE = 3e-7  # [-], of the force scale; residual of a closed pass
 WORSE = 4.0  # [-], residual over the least one, beyond which Broyden's method starts again
 FADED_SHARE = 0.25  # [-], of the first transient, after which passes are extrapolated to a regime
 MOVE_LIMIT = 8.0  # [-], of the residual; change of the state by an extrapolation
