@@ -34,7 +34,7 @@ from compact.motion.profile import MotionProfile
 from compact.numerics import Array
 from compact.turning import StrokeResistance
 
-STEPS = 720  # [-], of a pass; twice as many change no peak force by 1e-3
+STEPS = 720  # [-], of a pass; twice as many change no peak force of a periodic regime by 1e-3
 SHARE_SAMPLES = 4096  # [-], of the share over the stroke
 SPEED_SAMPLES = 512  # [-], of the steady force over the speeds
 SPEED_RANGE = 3.0  # [-], largest tabulated speed of the cart over that of the law; held beyond

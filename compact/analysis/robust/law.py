@@ -38,7 +38,7 @@ FIRST_DRIVES, MORE_DRIVES, MOST_DRIVES = 12, 6, 60  # [-], of a program: at the 
 SEARCH_STEPS, POLISH_STEPS = 32, 8  # [-], programs without a test, and of the trust region
 MOVE, LATE_MOVE = 0.4, 0.13  # [-], of the way to the optimum of a program; in the last third
 POLISH_DRIVES = 24  # [-], worst ones, whose slopes are those of differences
-HIGH = 0.7  # [-], of the worst peak; drives below it cannot become worst within a trust region
+HIGH = 0.7  # [-], of the worst peak; drives below it do not judge the steps of a trust region
 DIFFERENCE = 2e-3  # [-], of the largest unknown
 FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
 SHRINKS = 4  # [-], of the trust region in one step
@@ -445,9 +445,6 @@ def _best_published(search: _Search, drives: DrivePool, names: Sequence[str]) ->
         while max(bounds[name], found.max()) < peaks.max() and (part := next(parts, None)) is not None:
             found[part] = search.judge(tables[name], drives.take(part))[0]
         if max(bounds[name], found.max()) < peaks.max():
-            best, peaks, order = (
-                name,
-                found,
-                _falling(found),
-            )  # drives that are hard on one law are hard on others
+            # drives that are hard on one law are hard on others
+            best, peaks, order = name, found, _falling(found)
     return best, peaks

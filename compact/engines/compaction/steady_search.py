@@ -49,7 +49,7 @@ JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if
 EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
-DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
+DEPTH_EXPONENTS = np.array([1.2, 2.3])  # [-], of load and resistance over the depth
 WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 
@@ -409,7 +409,7 @@ class SteadySearch:
             firsts, others = self.first[1:, 0] / self.first[0, 0], [coarse.drift[0], coarse.start[0]] / coarse.values[0]
             for part, first, other in zip(parts, firsts, others, strict=True):
                 part[0] = np.hypot(part[0] + weight * first, weight * other)
-        parts[1] += DEPTH_EXPONENTS[:2] * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth
+        parts[1] += DEPTH_EXPONENTS * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth
         if self.target.quantity == "load":  # the depth takes over the error of the load
             for part in parts:
                 part[:] = 0.0, part[1] + DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0] * part[0]
