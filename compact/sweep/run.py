@@ -191,7 +191,7 @@ class Sweep:
         names = [each for name in self.engines for each in (name, ENGINES[name].low_fidelity) if each]
         base = files.results_key(self.scene.hash, [ENGINES[name].source for name in names], self.rank)
         with (
-            files.claimed_directory(directory, self.scene.hash, force) as place,
+            files.claimed_directory(directory, self.scene.owner, force) as place,
             open_store(place / POINTS, base, resume, force) as self.store,
             executor,
         ):

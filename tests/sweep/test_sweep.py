@@ -197,6 +197,18 @@ def test_existing_points_require_resume_or_force(tmp_path):
     assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1"], force=True)[1].store.computed == 1
 
 
+def test_points_of_an_edited_scene_file_are_computed_and_those_before_the_edit_are_kept(tmp_path, caplog):
+    file = tmp_path / "scene.toml"
+    before = starter_scene().replace('engine = "auto"', 'engine = "formula"')
+    after = before.replace("duration = 3.0", "duration = 2.5")
+    for text, resume, computed in ((before, False, 2), (after, False, 2), (before, True, 0)):
+        file.write_text(text)
+        assert swept(tmp_path / "out", load_scene(file), PAIR, resume=resume)[1].store.computed == computed
+    assert [message.partition(": ")[2] for message in caplog.messages] == [
+        "results of the scene before its edit are replaced"
+    ] * 2
+
+
 # (d) points without numbers
 
 

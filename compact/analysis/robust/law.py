@@ -363,10 +363,8 @@ class _Search:
         radius, peaks = FIRST_RADIUS * float(np.abs(self.best).max()), np.abs(histories).max(axis=1)
         self._rows, self.value, high = set(), float(peaks.max()), np.flatnonzero(peaks > HIGH * peaks.max())
         for _ in range(steps):
-            before, drives = (
-                self.value,
-                _falling(np.abs(histories).max(axis=1))[:MOST_DRIVES].tolist(),
-            )
+            before, order = self.value, _falling(np.abs(histories).max(axis=1))
+            drives = order[:MOST_DRIVES].tolist()
             highest, lower = drives[:POLISH_DRIVES], [] if self.power else drives[POLISH_DRIVES:]
             fresh = [i for i in highest if i not in self._slopes]
             self._slopes.update(zip(fresh, self._differences(fresh, histories, states), strict=True))

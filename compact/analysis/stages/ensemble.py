@@ -49,7 +49,7 @@ Step = Callable[[int, int], None]  # called with numbers of new results and of r
 NO_KEYS: Mapping[str, Any] = {}
 UNFOLLOWED = RuntimeError, ValueError  # of a law: no periodic cycle, or a cart faster than its resistance is known
 START = "contact"  # result that is not kept: contact from which a neighbour may start
-SUFFIX = ".points"  # of a file of results
+SUFFIX = ".points"  # of a file of results, whose name begins with the hash of what they have in common
 LOCK = "sweep.lock"  # file next to the directory of the results, while a command writes to it
 KEY_LENGTH = 32  # characters of the key of a result
 _ONE_AT_A_TIME = threading.RLock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
@@ -147,6 +147,8 @@ class Store:
     ----------
     known : dict
         Results of earlier commands by key.
+    own : int
+        Number of them with this base.
     broken : list of str
         Names of the files that were damaged.
     used : set of str
@@ -158,12 +160,14 @@ class Store:
     def __init__(self, directory: Path | None = None, base: str = "") -> None:
         self.directory, self.base = directory, base
         self.known: dict[str, Any] = {}
+        self.own = 0
         self.broken: list[str] = []
         self.used: set[str] = set()
         self.computed = 0
         for path in sorted(directory.glob(f"*{SUFFIX}")) if directory else ():
             try:
-                self.known |= read_checked(path)
+                self.known |= (results := read_checked(path))
+                self.own += len(results) if path.name.startswith(base) else 0
             except OSError as error:
                 raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
             except (ValueError, TypeError):
@@ -176,7 +180,7 @@ class Store:
     def write(self, results: Mapping[str, Any]) -> None:
         """Write results by key into one file."""
         if self.directory:
-            name = checksum("".join(results).encode())[:24]
+            name = self.base + checksum("".join(results).encode())[:16]
             write_checked(self.directory / f"{name}{SUFFIX}", results)
 
 
@@ -194,7 +198,7 @@ def open_store(directory: Path, base: str = "", resume: bool = False, force: boo
     Raises
     ------
     ResultsError
-        If another command holds the lock, or there are results, and neither `resume` nor `force` is set.
+        If another command holds the lock, or there are results with this base, and neither `resume` nor `force` is set.
     """
     path = directory.parent / LOCK
     lock = SoftFileLock(path, timeout=0)
@@ -209,10 +213,10 @@ def open_store(directory: Path, base: str = "", resume: bool = False, force: boo
         if force:
             for each in directory.glob(f"*{SUFFIX}"):
                 each.unlink()
-            store.known = {}
-        if store.known and not resume:
+            store.known, store.own = {}, 0
+        if store.own and not resume:
             raise ResultsError(
-                f"{directory.parent}: holds {len(store.known)} points of this scene; --resume uses them, --force "
+                f"{directory.parent}: holds {store.own} points of this scene; --resume uses them, --force "
                 "computes all again"
             )
         yield store
