@@ -30,7 +30,7 @@ A second pass at the same height
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
@@ -416,43 +416,12 @@ def solve(engine: Engine, scene: Scene, case: Any, start: Contact | None = None)
     return result
 
 
-def roll_passes(
-    scene: Scene,
-    mix: Mix,
-    speed: float,
-    initial_guess: Sequence[Contact] | None = None,
-    held: HeldQuantity | None = None,
-    count: int | None = None,
-    first: Contact | PassEnd | None = None,
-    progress: Progress | None = None,
-    **numerics: Any,
-) -> Passes:
-    """Compute the contacts of all passes of a scene, forward and back over the same mix.
-
-    The first pass is that of `roll_scene`. Later ones hold the load or peak pressure that the scene prescribes or
-    holds, else the height of the first.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the first pass [m/s].
-    count : int, optional
-        Number of passes; that of the scene by default.
-    **numerics
-        Numerical options of the engine for all passes that are computed.
-    """
-    count = count or scene.layer.passes
-    engine, case = ENGINES[scene.accuracy.engine], case_of(scene, mix, speed, None, held, progress)
-    if count == 1:
-        return (solve(engine, scene, case, initial_guess[0] if initial_guess else None),)
-    if initial_guess and engine.equal(case, initial_guess[0]):
-        known: Sequence[Any] = initial_guess
-        return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in known)
-    name, value = engine.target(case)
-    forward, *later = there_and_back(count)
-    stages = (replace(forward, exit_density_ratio=value if name == "exit_density_ratio" else None), *later)
-    with named_errors(scene, engine.name, speed):
-        return roll_stages(replace(case, numerics=numerics), stages, engine, first)
+def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: PassEnd) -> tuple[float, float]:
+    """Compute load and resistance of a second pass over the mix behind a first one, at the mean speed [N/m]."""
+    engine, case = ENGINES[scene.accuracy.engine], case_of(scene, mix, scene.mean_speed)
+    with named_errors(scene, engine.name, case.speed):
+        back = roll_stages(replace(case, numerics=numerics), there_and_back(2), engine, first)[1]
+    return back.load, back.resistance
 
 
 def on_roller(contact: Contact, length: float) -> dict[str, Any]:

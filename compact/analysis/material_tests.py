@@ -26,7 +26,7 @@ from compact.material.elliptic_cap import return_map
 from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
-from compact.numerics.validation import require_positive, require_that
+from compact.numerics.validation import require_positive
 from compact.scene.loader import Scene
 
 STEPS = 200  # [-], of one test
@@ -114,11 +114,6 @@ class LaboratoryProgramme:
 
     def __post_init__(self) -> None:
         require_positive(pressure=self.pressure)
-        loose, dense = self.material.fed_density_ratio, [*self.specimens.values()][-1]
-        rule = (
-            f"`density_ratio` of the compacted specimen must be at least {loose!r}, that of the loose one, and below 1"
-        )
-        require_that(loose <= dense < 1, dense, f"{rule}, got")
 
     @property
     def specimens(self) -> dict[str, float]:

@@ -90,7 +90,7 @@ class Study:
         if contacts.held is None:
             return
         found = contacts.kept or kept_results.KeptResults(
-            contacts.records, contacts.held, contacts.second_pass, resistance_map, contacts.air_curve
+            contacts.key, contacts.records, contacts.held, contacts.second_pass, resistance_map, contacts.air_curve
         )
         names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
         found = replace(
@@ -100,7 +100,7 @@ class Study:
             prior=self.__dict__.get("_prior", found.prior),
             uncertainty={self._key: known} if (known := self.__dict__.get("uncertainty")) else found.uncertainty,
         )  # fmt: skip
-        yield from kept_results.write_results(directory, found, contacts.key)
+        yield from kept_results.write_results(directory, found)
 
     @cached_property
     def pore_air(self) -> AirAnswer | None:

@@ -117,7 +117,6 @@ class ProcessExecutor(SerialExecutor):
     def __init__(self, count: int) -> None:
         super().__init__()
         self.count, self.deaths = count, 0
-        self._failed_starts = 0  # in succession
         self._repeated = deque[Job]()  # after the death of a worker; one at a time, so that the cause is known
 
     def __enter__(self) -> Self:
@@ -137,11 +136,6 @@ class ProcessExecutor(SerialExecutor):
         self._pool.shutdown(cancel_futures=True)
 
     @property
-    def _begun(self) -> bool:
-        """True if a worker process has begun its work."""
-        return any(each.done() and each.exception() is None for each in self._started)
-
-    @property
     def free(self) -> bool:
         """True if a worker is idle and no task has to be repeated."""
         return not self._repeated and len(self._running) < self.count
@@ -159,13 +153,12 @@ class ProcessExecutor(SerialExecutor):
             self._start(self._repeated.popleft())
         done = wait(self._running, return_when=FIRST_COMPLETED).done
         lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
-        begun = self._begun
         for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
             job = self._running.pop(future)
             if not isinstance(future.exception(), BrokenProcessPool):
                 job.settle(future.result)
                 continue
-            job.deaths += begun
+            job.deaths += 1
             if job.deaths < ATTEMPTS:
                 self._repeated.append(job)
             else:
@@ -176,10 +169,9 @@ class ProcessExecutor(SerialExecutor):
 
     def _rebuild(self) -> None:
         self.deaths += 1
-        self._failed_starts = 0 if self._begun else self._failed_starts + 1
-        if self._failed_starts == ATTEMPTS:
+        if not any(each.done() and each.exception() is None for each in self._started):
             raise RuntimeError(
-                f"{ATTEMPTS} worker processes ended before they could begin; a script that sweeps needs "
+                "a worker process ended before any could begin; a script that sweeps needs "
                 '`if __name__ == "__main__":`, or give one worker'
             )
         self.__exit__()

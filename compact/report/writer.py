@@ -91,7 +91,7 @@ def write_study(
         written += kept
         for name, other in study.comparison.items():
             if other.kept:  # contacts and map of a compared engine, for the next run
-                written += kept_results.write_results(place / "comparison" / name, other.kept, other.key)
+                written += kept_results.write_results(place / "comparison" / name, other.kept)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in written])
         files.write_json(place / "summary.json", summary)
     return summary
@@ -296,7 +296,7 @@ def _verdict(study: Study, known: uncertainty.RankingUncertainty) -> dict[str, A
         "models": models,
         "verdicts": [asdict(each) | {"value": json_number(each.value, CRITERIA[each.by].unit)} for each in verdicts],
         "governing": [each._asdict() for each in study.governing],
-        "margins": {by: known.margin(by) for by in known.peaks},
+        "margins": {by: known.margin(by) for by in known.laws},
         "sources": [asdict(each) for each in known.sources],
         "mix": known.mix and asdict(known.mix),
     }

@@ -137,8 +137,6 @@ class ValidationCase:
         Our value of each row, and the figure.
     rows : dict of str to Comparison
         Rows by key, with the recorded value as ours until the case is evaluated.
-    seconds : float
-        Usual processor time [s].
     panels : tuple of Panel
         Figure of the evaluated case.
     """
@@ -150,7 +148,6 @@ class ValidationCase:
     source: str
     compute: Callable[[Rows], Computed] = field(repr=False)
     rows: Rows = field(repr=False)
-    seconds: float = 1.0
     panels: tuple[Panel, ...] = field(default=(), repr=False)
 
     @property
@@ -203,7 +200,7 @@ def _recorded_case(about: Mapping[str, str]) -> ValidationCase:
     return ValidationCase(
         name, about["title"], about["kind"], tuple(about["engines"].split()), about["source"],
         lambda rows: resolve_name(f"compact.validation.{about['function']}")(rows),
-        {row["key"]: _comparison(row) for row in rows}, float(about["seconds"]),
+        {row["key"]: _comparison(row) for row in rows},
     )  # fmt: skip
 
 

@@ -35,7 +35,6 @@ SCATTER = "_scatter"
 SPEED = "speed"
 TEXT = r"\S"  # pattern of a text that is not blank
 LARGEST_DISTANCE = 10.0  # [-], relative
-CONTACT_COST = 10.0  # [s], processor time of a trial by an engine without a cheaper one
 
 
 class Expected(Table):
@@ -110,9 +109,8 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
         for name in expected
         if name in trial.values
     }  # fmt: skip
-    seconds = 1.0 if engine.affordable else CONTACT_COST * len(trials)
     source, compute = f"{case.source}; {case.licence}", partial(_compute, scene, trials)
-    return ValidationCase(folder.resolve().name, case.title, "measured", (engine.name,), source, compute, rows, seconds)
+    return ValidationCase(folder.resolve().name, case.title, "measured", (engine.name,), source, compute, rows)
 
 
 def _trial(place: str, key: str, row: Mapping[str, str], expected: Mapping[str, float]) -> Trial:

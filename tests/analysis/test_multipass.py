@@ -261,7 +261,7 @@ def study(**changes):
 
 def test_passes_of_a_scene_alternate_in_direction_at_one_height():
     case = study()
-    done = contact_cases.roll_passes(case.scene, case.stages.contacts.mix, 0.2)
+    done = case.stages.contacts.roll(0.2)
     first = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2)
     assert len(done) == 3
     assert (done[0].load, done[0].exit_height) == (first.load, first.exit_height)

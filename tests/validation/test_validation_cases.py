@@ -14,13 +14,14 @@ from compact.validation.compaction import MIX, arc_forces, chord_forces, shear_s
 CHEAP, LONG = 0.5, 60.0  # [s], of processor time; longer cases are slow tests, or those of the night
 
 
-def marked(case):
-    """Case as a parameter with the mark of its length."""
-    marks = [pytest.mark.nightly] if case.seconds > LONG else [pytest.mark.slow] if case.seconds > CHEAP else []
-    return pytest.param(case, marks=marks, id=case.name)
+def marked(about):
+    """Case of a row of cases.csv as a parameter with the mark of its length."""
+    seconds = float(about["seconds"])
+    marks = [pytest.mark.nightly] if seconds > LONG else [pytest.mark.slow] if seconds > CHEAP else []
+    return pytest.param(CASES[about["case"]], marks=marks, id=about["case"])
 
 
-@pytest.mark.parametrize("case", list(map(marked, CASES.values())))
+@pytest.mark.parametrize("case", list(map(marked, read_rows("cases.csv"))))
 def test_values_and_verdicts_are_the_recorded_ones(case):
     comparisons = case.evaluated().rows.values()
     assert [each.key for each in comparisons if each.moved] == []

@@ -4,7 +4,7 @@
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,7 +22,6 @@ from compact.analysis.worker_pool import Job, SerialExecutor
 from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.engines.pore_air import NO_FORCES, AirForces
-from compact.material.mix import Mix
 from compact.material.pore_air import PoreAir
 from compact.numerics.validation import require_known
 from compact.rolling_contact import Contact, compaction_rate
@@ -128,9 +127,23 @@ class ContactStage:
         return cases.solve(self.engine, self.scene, self.case(speed), initial_guess)
 
     def roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
-        """Compute all passes at a speed [m/s] from others as initial guess, to the target of the scene by default."""
+        """Compute all passes, forward and back over the same mix, at a speed [m/s] from others as initial guess.
+
+        The first pass has the target of the scene by default. Later ones hold the load or peak pressure that the scene
+        prescribes or holds, else the height of the first.
+        """
         self.count("rolled")
-        return cases.roll_passes(self.scene, self.mix, speed, start, held, progress=self.progress)
+        engine, case = self.engine, cases.case_of(self.scene, self.mix, speed, None, held, self.progress)
+        if self.scene.layer.passes == 1:
+            return (cases.solve(engine, self.scene, case, start[0] if start else None),)
+        if start and engine.equal(case, start[0]):
+            known: Any = start
+            return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in known)
+        name, value = engine.target(case)
+        forward, *later = cases.there_and_back(self.scene.layer.passes)
+        forward = replace(forward, exit_density_ratio=value if name == "exit_density_ratio" else None)
+        with cases.named_errors(self.scene, engine.name, speed):
+            return cases.roll_stages(case, (forward, *later), engine)
 
     def over(self, duration: float) -> "ContactStage":
         """Return the stage of another duration of a pass [s]; itself, as the contact depends on the speed alone."""
@@ -284,7 +297,7 @@ class ContactStage:
         first = self.reference[0]
         coarse = self.scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
         numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
-        return self.submit(partial(roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
+        return self.submit(partial(cases.roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
 
     @cached_property
     def second_pass(self) -> tuple[float, float] | None:
@@ -372,12 +385,6 @@ class ContactStage:
         under = pore_air.air_under(contact, case.layer, case.roller, air)
         pressure = under.pressure(speed)
         return under.forces(pressure), under.forces(under.pressure(pore_air.UNDRAINED * air.permeability, pressure))
-
-
-def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: PassEnd) -> tuple[float, float]:
-    """Compute load and resistance of a second pass over the mix behind a first one, at the mean speed [N/m]."""
-    back = cases.roll_passes(scene, mix, scene.mean_speed, count=2, first=first, **numerics)[1]
-    return back.load, back.resistance
 
 
 class ProcessCase(NamedTuple):

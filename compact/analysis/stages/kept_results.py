@@ -58,6 +58,8 @@ class KeptResults:
 
     Parameters
     ----------
+    key : str
+        Key of the contacts, see `contacts_key`.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
     air_curve : AirCurve or None
@@ -72,6 +74,7 @@ class KeptResults:
         Uncertainty of the ranking by the key of the whole scene to which it belongs; empty without it.
     """
 
+    key: str
     contacts: list[Contact]
     held: HeldQuantity
     second_pass: tuple[float, float] | None
@@ -132,6 +135,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             name: more[name] and TypeAdapter(kind()).validate_python(more[name]) for name, kind in RECORDS.items()
         }
         return KeptResults(
+            key=key,
             contacts=[Contact.from_json(each) for each in kept["contacts"]],
             resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
             files=tuple(files),
@@ -142,7 +146,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
         return None
 
 
-def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
+def write_results(directory: Path, results: KeptResults) -> Iterator[Path]:
     """Write results for the next run, of their files those that depend on the contacts alone; yield the paths."""
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
@@ -155,6 +159,6 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
         "more": more,
         "files": {name: checksum((directory / name).read_bytes()) for name in names if (directory / name).is_file()},
     }
-    write_checked(path, {key: content})
+    write_checked(path, {results.key: content})
     yield directory / MAP_FILE
     yield path

@@ -166,15 +166,12 @@ class RankingUncertainty:
     ----------
     mix : MixSpread or None
         None where columns do not cover the scene.
-    peaks : dict
-        Peaks of the recommended laws by criterion over the scale of the resistance: (scales, values).
     laws : dict
         Recommended law by criterion.
     """
 
     sources: tuple[Source, ...]
     mix: MixSpread | None
-    peaks: dict[str, tuple[tuple[float, ...], tuple[float, ...]]]
     laws: dict[str, str]
 
     def source(self, name: str) -> Source | None:
@@ -295,14 +292,10 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
         reached = {label: next(answers) if isinstance(each, Change) else each for label, each in table.items()}
         known.append(Source(name, words, tuple(end(*each) for each in reached.items())))
     scaled = list(answers)
-    peaks = {}
-    for by, law in laws.items():
-        values = np.array([scales, [each.get(by, {}).get(law, math.inf) for each in scaled]])
-        at, value = values[:, np.isfinite(values[1])].tolist()
-        peaks[by] = tuple(at), tuple(value)
+    peaks = {by: [each.get(by, {}).get(law, math.inf) for each in scaled] for by, law in laws.items()}
     if mix is not None:
-        mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
-    return RankingUncertainty(tuple(each for each in known if each.ends), mix, peaks, laws)
+        mix = replace(mix, shares={by: _shares(mix, np.array([scales, each])) for by, each in peaks.items()})
+    return RankingUncertainty(tuple(each for each in known if each.ends), mix, laws)
 
 
 def air_ratios(stages: Stages, of: str = "resistance") -> tuple[float, float] | None:
@@ -441,14 +434,14 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
     return ranges | {FED: (before - step, before + step)}
 
 
-def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> dict[str, float]:
-    """Return the total Sobol index of each parameter in a peak [-], by the fit of the resistance."""
+def _shares(mix: MixSpread, peaks: NDArray[np.float64]) -> dict[str, float]:
+    """Return the total Sobol index of each parameter in peaks over scales of the resistance [-], by its fit."""
     from scipy.stats import sobol_indices, uniform
 
-    coefficients = np.array(mix.coefficients)
+    coefficients, finite = np.array(mix.coefficients), peaks[:, np.isfinite(peaks[1])]
 
     def peak(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.interp(np.exp(polynomial_terms(2 * shares.T - 1, 2) @ coefficients), scales, peaks)
+        return np.interp(np.exp(polynomial_terms(2 * shares.T - 1, 2) @ coefficients), *finite)
 
     found = sobol_indices(func=peak, n=SOBOL_SAMPLES, dists=[uniform()] * len(mix.ranges), rng=SEED)
     return dict(zip(mix.ranges, map(float, found.total_order), strict=True))

@@ -86,8 +86,8 @@ class ModelAnswer:
         Its part far from a turn, and the shares after a turn over the distance to fresh mix, see `ResistanceStage`.
     return_load_ratio : float
         Load on the return stroke over that on the forward stroke [-].
-    kept, key : KeptResults or None, and str
-        Contacts and map of a layered engine for the next run, and key of the contacts.
+    kept : KeptResults or None
+        Contacts and map of a layered engine for the next run.
     counts : Counter
         Number of runs of each stage in another process.
     warned : tuple of str
@@ -108,7 +108,6 @@ class ModelAnswer:
     prior: tuple[float, float] | None = None
     return_load_ratio: float = 1.0
     kept: KeptResults | None = None
-    key: str = ""
     counts: Counter[str] = field(default_factory=Counter)
     warned: tuple[str, ...] = ()
 
@@ -219,7 +218,7 @@ def model_answer(
     if contacts.held is not None:
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
         lifts = contacts.process.lifts if contacts.process else None
-        found = contacts.records, contacts.held, second_pass, resistance.map
+        found = contacts.key, contacts.records, contacts.held, second_pass, resistance.map
         kept = KeptResults(*found, lifts=lifts and lifts.bare, prior=prior)
     return ModelAnswer(
         engine=scene.accuracy.engine,
@@ -236,7 +235,6 @@ def model_answer(
         prior=prior,
         return_load_ratio=contacts.return_ratios[0],
         kept=kept,
-        key=contacts.key,
     )
 
 
@@ -503,7 +501,7 @@ def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
     return replace(variant, load=rolled.load, resistance=rolled.resistance)
 
 
-def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
+def spread_of(contacts: Sequence[Any]) -> ModelSpread:
     """Divide load and resistance of contacts by those of the first, by the law of the scene.
 
     Parameters
@@ -521,17 +519,14 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
         If the first has no steady state.
     """
     own, *others = contacts
-    if own.load is None or own.resistance is None:
+    if own.load is None:
         raise RuntimeError(own.reason)
-    variants, loads, resistances = [], [1.0], [1.0]
-    for each in others:
-        if each.load is not None and each.resistance is not None:
-            loads.append(each.load / own.load)
-            resistances.append(each.resistance / own.resistance)
-            each = replace(each, load=loads[-1], resistance=resistances[-1])
-        variants.append(each)
-    load, resistance = ((min(ratios), max(ratios)) for ratios in (loads, resistances))
-    return ModelSpread(load, resistance, tuple(variants))
+    variants = [
+        replace(each, load=each.load / own.load, resistance=each.resistance / own.resistance) if each.load else each
+        for each in others
+    ]
+    loads, resistances = zip((1.0, 1.0), *((each.load, each.resistance) for each in variants if each.load), strict=True)
+    return ModelSpread((min(loads), max(loads)), (min(resistances), max(resistances)), tuple(variants))
 
 
 def prior_forces(lead: Scene, scene: Scene) -> tuple[float, float] | None:
