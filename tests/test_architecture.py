@@ -71,8 +71,8 @@ def test_folders_and_modules_have_a_readable_size():
 
 
 BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
-    "engines": 6413, "analysis": 5033, "report": 2142, "machine": 3008, "scene": 1646, "motion": 1087, "material": 1077,
-    "sweep": 607, "cams": 524, "validation": 473, "api": 426, "numerics": 559, "cli": 516, "verification": 254,
+    "engines": 6413, "analysis": 4995, "report": 2140, "machine": 3008, "scene": 1646, "motion": 1087, "material": 1077,
+    "sweep": 607, "cams": 524, "validation": 470, "api": 426, "numerics": 559, "cli": 516, "verification": 254,
     "interfaces": 241, "modules": 1309,
 }  # fmt: skip
 

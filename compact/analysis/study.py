@@ -86,15 +86,15 @@ class Study:
 
     def keep(self, directory: Path, files: list[Path]) -> Iterator[Path]:
         """Write contacts and resistance map for the next run, with the names of their files; yield the paths."""
-        contacts, resistance_map = self.stages.contacts, self.stages.resistance.map
+        contacts, resistance = self.stages.contacts, self.stages.resistance
         if contacts.held is None:
             return
         found = contacts.kept or kept_results.KeptResults(
-            contacts.key, contacts.records, contacts.held, contacts.second_pass, resistance_map, contacts.air_curve
+            contacts.key, contacts.records, contacts.held, contacts.second_pass, resistance.map, contacts.air_curve
         )
         names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
         found = replace(
-            found, resistance_map=resistance_map, files=tuple(sorted(names)),
+            found, resistance_map=resistance.map, files=tuple(sorted(names)),
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
             prior=self.__dict__.get("_prior", found.prior),

@@ -9,7 +9,6 @@ import numpy as np
 from compact.analysis.sizing import durations, machine_sizing
 from compact.analysis.stages.resistance import sampled_shares
 from compact.analysis.study import Study
-from compact.machine.component_sizing import SECONDS_PER_HOUR
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
@@ -201,8 +200,7 @@ def sizing_tables(sizing: machine_sizing.MachineSizing) -> Iterator[TableSpec]:
     if first is not None and first.choice is not None:
         reason = {"reason": lambda fit: "; ".join(fit.failures)}
         yield TableSpec.of("motor-catalogue", first.choice.fits, CATALOGUE, **reason)
-    rate = SECONDS_PER_HOUR / sizing.period  # [1/h], of cycles of the machine
-    cycles = [(wheel, each, each.count * rate) for wheel in sizing.wheels for each in wheel.cycles]
+    cycles = [(wheel, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
     names = "load=0.name range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2 engine=0.engine"
     yield TableSpec.of("wheel-loads", cycles, names)
 

@@ -270,20 +270,18 @@ class Tabular:
         return self.table.to_html()
 
 
-def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str:
+def format_number(value: float | bool | None, digits: int = DIGITS) -> str:
     """Format a number without an exponent between 0.001 and a million.
 
     Parameters
     ----------
-    value : float or str or bool or None
-        Number; text is returned unchanged, None and nan as a dash.
+    value : float or bool or None
+        Number; None and nan are a dash.
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, str):
-        return value
     if math.isinf(value):
         return "infinite"
     if value and not 1e-3 <= abs(value) < 1e6:

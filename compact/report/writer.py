@@ -14,6 +14,7 @@ from compact.analysis import contact_cases
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages import drives, kept_results, uncertainty, verdict
+from compact.analysis.stages.resistance import force_at
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.machine.ranking import CRITERIA, value_of
@@ -55,11 +56,11 @@ def write_study(
     ResultsError
         If a file cannot be written or the directory holds results of another scene.
     """
-    items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
+    items = study.scene.output.items
     claimed = files.claimed_directory(directory, study.scene.owner, force)
     with claimed as place, study.helped(executor or SerialExecutor()):
         contacts, written = study.stages.contacts, list[Path]()
-        if layered:
+        if contacts.speeds:
             written.append(results.contact_table(study).write(place / "contact.csv"))
         if contacts.compacts:
             standing = study.standing(place, "passes.csv", "density.csv")
@@ -72,7 +73,7 @@ def write_study(
         elif "fields" in items:
             written += _write_layers(place, [(contacts.field_mesh(first), first) for _, first in contacts.first_passes])
             study.count("figures")
-        kept = list(study.keep(place, written)) if layered else []  # after what needs no second pass
+        kept = list(study.keep(place, written))  # after what needs no second pass
         drawn = {}
         for name, draw in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
             study.count("figures")
@@ -86,8 +87,7 @@ def write_study(
             written += _write_report(study, place, pictures)
         if "figures" in items:
             written += [files.write_bytes(place / f"{name}.png", picture) for name, picture in pictures.items()]
-        if layered:
-            list(study.keep(place, written))
+        list(study.keep(place, written))
         written += kept
         for name, other in study.comparison.items():
             if other.kept:  # contacts and map of a compared engine, for the next run
@@ -305,7 +305,7 @@ def _verdict(study: Study, known: uncertainty.RankingUncertainty) -> dict[str, A
 def _robust_law(scene: Scene, found: Any) -> dict[str, Any]:
     """Convert a robust law: its worst peak and that of the best published law, each with its drive, and the range."""
     plants, unit = found.plants, CRITERIA[found.objective.removeprefix("robust_")].unit
-    resistances, speed = (*plants.resistances, *plants.inner), scene.mean_speed
+    resistances = (*plants.resistances, *plants.inner)
 
     def worst(drive: Any) -> dict[str, Any]:
         resistance = resistances[drive.resistance]
@@ -313,7 +313,7 @@ def _robust_law(scene: Scene, found: Any) -> dict[str, Any]:
         return {
             "peak": json_number(drive.peak, unit),
             **json_numbers(drive, "stiffness_N/m damping_ratio"),
-            "force_at_mean_speed": json_number(float(np.ravel(resistance(np.array([speed]), np.zeros(1)))[0]), "N"),
+            "force_at_mean_speed": json_number(force_at(resistance, scene.mean_speed), "N"),
             "own_tracks": json_number([each.distance for each in sides if each is not None], "m"),
         }
 

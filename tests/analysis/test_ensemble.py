@@ -19,10 +19,16 @@ SMALL = load_scene("small", **{"output.items": []})
 LAWS = SMALL.replaced(**{"motion.laws": ["parabolic", "constant-velocity"], "machine.guide_friction": 0.0})
 
 
+def peaks_of(scene, change):
+    """Values of all laws by each criterion of a scene, with contacts of its own."""
+    ranked = build_stages(scene, own_resistance=change.resistance).drive.rankings
+    return {by: {place.run.name: place.value for place in order} for by, order in ranked.items()}
+
+
 def test_peaks_are_those_of_each_scene_and_a_refusal_is_a_reason():
     """Peak force of the parabolic law: W + 4 m s/T2."""
     changes = [Change("own"), Change("slow", {"motion.duration": 6.0}), Change("wet", {"mix.moisture": 0.5})]
-    found = ensemble(LAWS, [*changes, Change("free", resistance=dry_resistance(0.0))])
+    found = ensemble(LAWS, [*changes, Change("free", resistance=dry_resistance(0.0))], peaks_of)
     own, slow, free = (found[number]["peak_force"]["parabolic"] for number in (0, 1, 3))
     inertia = 4 * LAWS.machine.mass * LAWS.motion.stroke / LAWS.motion.duration**2
     assert free == pytest.approx(inertia)

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.integrate import quad
 
 from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.resistance import force_at
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
 
@@ -100,10 +101,10 @@ class WorkBalance(NamedTuple):
 
 def work_balance(stages: Stages) -> WorkBalance:
     """Balance work and mix of a cycle under the first law by the first criterion."""
-    contacts, scene, force = stages.contacts, stages.contacts.scene, stages.resistance.resistance
+    contacts, scene = stages.contacts, stages.contacts.scene
     machine, motion, product = scene.machine, scene.motion, scene.product
     run = stages.drive.runs[stages.drive.best_law]
-    resistance = float(np.ravel(force(np.array([scene.mean_speed]), np.zeros(1)))[0])
+    resistance = force_at(stages.resistance.resistance, scene.mean_speed)
     before, behind = scene.layer.fed_density_ratio, scene.mix.density_ratio
     if contacts.compacts:  # behind the first pass at the mean speed
         found = float(contacts.mean_record.exit_density_ratio or behind)

@@ -108,6 +108,10 @@ class MachineSizing:
         """Motor required by the first law; None for a hydraulic drive."""
         return self.laws.get(self.first_law)
 
+    def per_hour(self, count: float) -> float:
+        """Convert a number of load cycles in a cycle of the machine to that in an hour [1/h]."""
+        return count * sizing.SECONDS_PER_HOUR / self.period
+
 
 def machine_sizing(stages: Stages, law: str | None = None, models: Sequence[ModelAnswer] = ()) -> MachineSizing:
     """Size motor, guides and bearings of a scene.

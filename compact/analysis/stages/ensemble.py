@@ -1,12 +1,11 @@
 """Ensemble: a scene under changes of its keys, with the results of each changed scene or the reason why it has none.
 
-    found = ensemble(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)])
+    found = ensemble(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)], run)
     found[0]["peak_force"]["cycloidal"], found[1].get("reason")
 
 A change is an end of a spread, another drive, another law of the mix, a duration, an engine, a point of a sweep. `run`
 is any function that a worker can import (`functools.partial` binds its other arguments) and that returns named values
-of a changed scene. By default these are the peaks of all laws, with contacts of its own for every scene; `drive_peaks`
-keeps the contacts where the drive or the resistance changes alone.
+of a changed scene, such as `drive_peaks`, which keeps the contacts where the drive or the resistance changes alone.
 
 A `Store` keeps results in a directory, each under the hash of all its inputs (`files.results_key`). A file contains
 results by key after their checksum. A damaged or partial file is deleted, and its results are computed again. One
@@ -31,7 +30,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.analysis.contact_cases import scene_mix
 from compact.analysis.failures import reason_of
-from compact.analysis.stages.drives import build_stages, simulate_laws
+from compact.analysis.stages.drives import simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.worker_pool import Executor, SerialExecutor, WorkerError, run_tasks
 from compact.files import ResultsError, checksum, read_checked, versions, write_checked
@@ -227,7 +226,7 @@ def open_store(directory: Path, base: str = "", resume: bool = False, force: boo
 def ensemble(
     scene: Scene,
     changes: Iterable[Change],
-    run: Run | None = None,
+    run: Run,
     executor: Executor | None = None,
     *,
     groups: Sequence[Sequence[int]] | None = None,
@@ -242,9 +241,9 @@ def ensemble(
 
     Parameters
     ----------
-    run : callable, optional
-        Returns values of a changed scene by name; by default `peaks_of`. If these include a `contact`, the changes of
-        its group that follow start from it: each gets that of the nearest place as `Change.start`.
+    run : callable
+        Returns values of a changed scene by name. If these include a `contact`, the changes of its group that follow
+        start from it: each gets that of the nearest place as `Change.start`.
     executor : Executor, optional
         Open executor, to which scene, changes and run can be sent; this process by default.
     groups : sequence of sequence of int, optional
@@ -277,7 +276,7 @@ def ensemble(
             pending.append({number: keys[number] for number in chain})
         kept.used.update(keys.values())
     step(len(found), sum(bool(each.get("reason")) for each in found.values()))
-    work = partial(compute, scene, run or peaks_of, versions())
+    work = partial(compute, scene, run, versions())
     for task, job in run_tasks(work, tasks, executor or SerialExecutor()):
         keys = pending[task]
         try:
@@ -296,12 +295,6 @@ def _key(scene: Scene, base: str, before: Any, keys: Mapping[str, Any]) -> str:
     """Hash all inputs of a result, with the contents of the files that its change names."""
     tables = [scene.checksum_of(str(keys[key])) for key in FILE_KEYS if key in keys]
     return checksum(json.dumps([base, before, keys, tables]).encode())[:KEY_LENGTH]
-
-
-def peaks_of(scene: Scene, change: Change) -> Peaks:
-    """Return the values of all laws by each criterion of a scene, with contacts of its own."""
-    ranked = build_stages(scene, own_resistance=change.resistance).drive.rankings
-    return {by: {place.run.name: place.value for place in order} for by, order in ranked.items()}
 
 
 def drive_peaks(

@@ -125,14 +125,10 @@ class ResistanceStage:
         """
         time = np.linspace(0, profile.duration, CYCLE_SAMPLES)
         travel, speed, acceleration = profile.position(time), profile.velocity(time), profile.acceleration(time)
-        places, along, steady = [], [], []
-        sampled = sampled_shares(self.resistance, self.cart, self.scene.motion)
-        for heading, (_, samples, shares, _) in zip((1.0, -1.0), sampled, strict=True):
-            force = np.asarray(self.steady_law(heading * speed, heading * acceleration))
-            places.append(travel if heading > 0 else profile.stroke - travel)
-            steady.append(force)
-            along.append(force * np.interp(travel, samples, shares))
-        return np.concatenate(places), np.concatenate(along), np.concatenate(steady)
+        steady = np.concatenate([self.steady_law(way * speed, way * acceleration) for way in (1.0, -1.0)])
+        known = stroke_shares(self.cart, profile.stroke, profile.duration, self.resistance)
+        shares = np.concatenate([side.force_share(travel) for side in known]) if known else 1.0
+        return np.concatenate([travel, profile.stroke - travel]), steady * shares, steady
 
     def along_stroke(self, steady: ResistanceLaw) -> ResistanceLaw:
         """Return another resistance far from the turn [N] with the shares after the turns of this stage."""
@@ -238,6 +234,11 @@ class ResistanceStage:
             return sampled
         masses, times = np.array(found).T
         return replace(sampled, added_masses=self._roller_length * masses, relaxation_time=float(times.max()))
+
+
+def force_at(law: ResistanceLaw, speed: float) -> float:
+    """Return the resistance of one cart at a steady speed [m/s], far from a turn [N]."""
+    return float(np.ravel(law(np.array([speed]), np.zeros(1)))[0])
 
 
 def along_stroke(steady: ResistanceLaw, turning: "Turning | None", distances: tuple[float, float]) -> ResistanceLaw:

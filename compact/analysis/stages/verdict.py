@@ -33,12 +33,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from compact.analysis.contact_cases import HeldQuantity, case_of, process_detail, scene_mix, solve
 from compact.analysis.stages.contacts import contact_stage
 from compact.analysis.stages.drives import KnownLaws, Place, Places, Stages, build_stages
 from compact.analysis.stages.kept_results import KeptResults
+from compact.analysis.stages.resistance import force_at
 from compact.engines import ENGINES
 from compact.engines.interface import Case
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
@@ -207,10 +206,7 @@ def model_answer(
     contacts, resistance = stages.contacts, stages.resistance
     scene, motion = contacts.scene, contacts.scene.motion
     drives = {motion.duration: stages.drive, **stages.drive.other_durations}
-    forces, ratio, kept = {}, None, None
-    for duration, drive in drives.items():
-        speed = np.array([motion.stroke / duration])
-        forces[duration] = float(np.ravel(drive.resistance.resistance(speed, np.zeros(1)))[0])
+    ratio = kept = None
     if contacts.process is None:
         with warnings.catch_warnings(action="ignore"):  # a thin layer is in the verdict
             length = contacts.at_mean_speed("contact_length")
@@ -223,8 +219,8 @@ def model_answer(
     return ModelAnswer(
         engine=scene.accuracy.engine,
         invalid=ENGINES[scene.accuracy.engine].valid(ratio, process_detail(scene)),
-        places={duration: drive.places for duration, drive in drives.items()},
-        mean_resistance=forces,
+        places={duration: each.places for duration, each in drives.items()},
+        mean_resistance={t: force_at(each.resistance.resistance, motion.stroke / t) for t, each in drives.items()},
         error=resistance.error,
         spread=spread,
         resistance=resistance.resistance,
