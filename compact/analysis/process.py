@@ -275,8 +275,7 @@ class ProcessStudy:
     @property
     def moving_force(self) -> float:
         """Force that moves one cart by the best model computed [N], the sum of its parts."""
-        standing = self.standing_drag + self.guide_friction + (self._extrusion.force or 0.0)
-        return self.scene.machine.rollers * self.resistance + standing
+        return sum(each.force or 0.0 for each in self._causes)
 
     @property
     def _loose_density(self) -> float:
@@ -356,42 +355,47 @@ class ProcessStudy:
         tests, pressed = "confined compression of the mix, or gyratory compaction", row.estimate("resistance")
         if self.problem.kneading is not None and row.lifts is not None:
             yield part("forming, kneaded (two dimensions)", tests, pressed.value, pressed.error)
-            return
-        yield part("confined compression of the throughput", tests, row.resistance, 0.0)
-        if row.lifts is None:
-            yield ResistancePart(shear, "computed", cores)
         else:
-            rest = pressed.value - row.resistance
-            yield part(shear, cores, rest, pressed.error * pressed.value / rest)
+            yield part("confined compression of the throughput", tests, row.resistance, 0.0)
+            if row.lifts is None:
+                yield ResistancePart(shear, "computed", cores)
+            else:
+                rest = pressed.value - row.resistance
+                yield part(shear, cores, rest, pressed.error * pressed.value / rest)
         if self.counts_air:
             air = row.estimate("air_resistance")
             yield part("pore air (two dimensions)", "air permeability of the fed mix", air.value, air.error)
 
     @property
-    def parts(self) -> tuple[ResistancePart, ...]:
-        """Parts of the force that moves one cart, and what they leave of a measured or printed one."""
+    def _causes(self) -> list[ResistancePart]:
+        """Parts of the force that moves one cart."""
         guides = self.guide_friction
         rolling = ResistancePart("friction of the guide wheels", "computed", "pull with raised rollers", *[guides] * 3)
-        found = [*self._forming, self._sleeves, self._plate, self._extrusion, rolling]
+        return [*self._forming, self._sleeves, self._plate, self._extrusion, rolling]
+
+    @property
+    def parts(self) -> tuple[ResistancePart, ...]:
+        """Parts of the force that moves one cart, and what they leave of a measured or printed one."""
+        found = self._causes
         if measured := self.given.measured_force:
             sums = [sum(getattr(each, end) or 0.0 for each in found) for end in ("force", "high", "low")]
             left = (measured - each for each in sums)
             test = "force over the first strokes, mould at rest, sleeves empty and full"
             found.append(ResistancePart("not explained", "remainder", test, *left))
-        scale = self.scene.motion.stroke / self.product_volume if self.product_volume else 0.0
-        return tuple(
-            each._replace(work=each.force * scale if scale and each.force is not None else None) for each in found
-        )
+        if self.product_volume:
+            scale = self.scene.motion.stroke / self.product_volume
+            found = [each if each.force is None else each._replace(work=each.force * scale) for each in found]
+        return tuple(found)
 
     @property
     def beyond_rows(self) -> list[tuple[str, str, float, tuple[float, ...]]]:
         """Quantity, unit, value and range of what is beyond the rows of a plant to which the scene is calibrated."""
         table, machine = self.given, self.problem.machine
-        ends = table.measured_advances, table.measured_strokes
-        words = ("advance of the mould a stroke", " m"), ("number of strokes a minute", "")
-        values = machine.advance, MINUTE / machine.stroke_period
-        found = [(*each, at, span) for each, at, span in zip(words, values, ends, strict=True) if span]
-        return [each for each in found if not each[3][0] * (1 - MET) <= each[2] <= each[3][1] * (1 + MET)]
+        known = (
+            ("advance of the mould a stroke", " m", machine.advance, table.measured_advances or ()),
+            ("number of strokes a minute", "", MINUTE / machine.stroke_period, table.measured_strokes or ()),
+        )
+        return [each for each in known if each[3] and not each[3][0] * (1 - MET) <= each[2] <= each[3][1] * (1 + MET)]
 
     @property
     def evasion_ends(self) -> list[tuple[float, float]]:

@@ -18,7 +18,7 @@ from compact.analysis.engineering_summary import coverage
 from compact.analysis.sizing.decision import measurements
 from compact.analysis.stages import robust_range, uncertainty
 from compact.analysis.stages.drives import Place
-from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
+from compact.analysis.stages.verdict import Verdict
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import MEASURED_DENSITY_RATIO
@@ -143,7 +143,7 @@ def model_table(study: Study) -> TableSpec:
     if any(fits):
         columns["fitted"] = [force if fit else "–" for force, fit in zip(forces, fits, strict=True)]
     columns["prior"] = [prior if fit else force for force, prior, fit in zip(forces, priors, fits, strict=True)]
-    for by in (by for by in SIZING_PEAKS if by in study.scene.drive.rank_by):
+    for by in study.sizing_peaks:
         firsts = [each.first(duration, kind, by) for each in models]
         columns[f"first by {by.rpartition('_')[2]}"] = [say("least", each, CRITERIA[by].unit) for each in firsts]
     *before, last = columns.items()

@@ -166,17 +166,14 @@ def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing
         WheelLoads(name, float(f.min()), float(f.max()), tuple(sizing.count_cycles(f)), engine)
         for name, f in loads.items()
     ]
-    radial = {name: loads[name] for name in ("front guide wheel", "rear guide wheel")}
-    radial["roller"] = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
-    for name, load in radial.items():
-        bearing, radius = machine.guide_bearing, machine.guide_wheel_diameter / 2
-        if name == "roller":
-            bearing, radius = machine.roller_bearing, machine.roller_radius
-        if bearing is not None:
-            travelled = run.weights * np.abs(velocity)
-            lives[name] = sizing.bearing_life(
-                sizing.Bearing(**bearing.model_dump()), load, travelled, radius, run.period
-            )
+    radial, guide = np.hypot(loads["roller, lift"], loads["roller, along the travel"]), machine.guide_wheel_diameter / 2
+    turning = {name: (loads[name], machine.guide_bearing, guide) for name in ("front guide wheel", "rear guide wheel")}
+    turning["roller"] = radial, machine.roller_bearing, machine.roller_radius
+    travelled = run.weights * np.abs(velocity)
+    for name, (load, rated, radius) in turning.items():
+        if rated is not None:
+            bearing = sizing.Bearing(**rated.model_dump())
+            lives[name] = sizing.bearing_life(bearing, load, travelled, radius, run.period)
     return MachineSizing(law, rule, laws, tuple(wheels), lives, float(run.period))
 
 
