@@ -6,7 +6,7 @@ A scanner of table headers and keys provides the line; pydantic provides the key
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date, time
 from difflib import get_close_matches
@@ -70,6 +70,8 @@ class Source:
 
     Parameters
     ----------
+    places : mapping
+        Line and comment of each key and table, see `key_places`.
     changes : frozenset
         Key paths that the caller has replaced.
     given : mapping
@@ -77,9 +79,8 @@ class Source:
     """
 
     file: str = field(default="<text>", compare=False)
-    lines: Mapping[Key, int] = field(default_factory=dict, compare=False)
+    places: Mapping[Key, tuple[int, str]] = field(default_factory=dict, compare=False)
     changes: frozenset[Key] = field(default=frozenset(), compare=False)
-    remarks: Mapping[Key, str] = field(default_factory=dict, compare=False)
     given: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @property
@@ -93,21 +94,21 @@ class Source:
 
     def of_comparison(self, engine: str, changed: "Source") -> "Source":
         """Return the source of the scene of a compared engine: keys of `[compare.ENGINE]` have their own remarks."""
-        table = ("compare", engine)
+        own = {key[2:]: place for key, place in self.places.items() if key[:2] == ("compare", engine)}
+        remarked = {key for key, (_, remark) in own.items() if remark}
+        return replace(changed, places={**self.places, **own}, changes=changed.changes - remarked)
 
-        def moved(entries: Mapping[Key, Any]) -> dict[Key, Any]:
-            return {**entries, **{key[2:]: value for key, value in entries.items() if key[:2] == table}}
-
-        own = {key[2:] for key in self.remarks if key[:2] == table}
-        return replace(changed, lines=moved(self.lines), remarks=moved(self.remarks), changes=changed.changes - own)
+    def _around(self, key: Key) -> Iterator[tuple[int, str]]:
+        """Yield line and comment of a key and of the tables around it, the innermost first."""
+        return (self.places[key[:length]] for length in range(len(key), 0, -1) if key[:length] in self.places)
 
     def line(self, key: Key) -> int:
         """Return the line of a key, or of the innermost table around it; 0 if there is none."""
-        return _innermost(self.lines, key) or 0
+        return next((line for line, _ in self._around(key)), 0)
 
     def remark(self, key: Key) -> str:
         """Return the comment on a key, or on that of the inline table around it; empty if there is none."""
-        return _innermost(self.remarks, key) or ""
+        return next((remark for _, remark in self._around(key) if remark), "")
 
     def place(self, key: Key) -> str:
         """Return `file:line` of a key, or `file (changed by the caller)`."""
@@ -119,12 +120,6 @@ class Source:
         """Sort mistakes by line and prefix each with its place."""
         ordered = sorted((each for each in mistakes if not each.silent), key=lambda mistake: self.line(mistake.key))
         return [f"{self.place(mistake.key)}: {mistake}" for mistake in ordered]
-
-
-def _innermost(entries: Mapping[Key, Any], key: Key) -> Any:
-    """Return the entry of a key, or of the innermost one around it; None if there is none."""
-    around = (key[:length] for length in range(len(key), 0, -1))
-    return next((entries[part] for part in around if part in entries), None)
 
 
 # --- fields: from pydantic's errors to sentences
@@ -234,26 +229,25 @@ ENTRY = re.compile(r"\s*([\w\"'-]+(?: *\. *[\w\"'-]+)*)\s*=")
 COMMENT = re.compile(r"""(?:[^"'#]|"(?:\\.|[^"\\])*"|'[^']*')*#(.*)""")  # behind texts in quotes
 
 
-def key_places(text: str) -> tuple[dict[Key, int], dict[Key, str]]:
-    """Return the line of each table header and of each key that begins a line of a TOML text, and the comment there.
+def key_places(text: str) -> dict[Key, tuple[int, str]]:
+    """Return line and comment of each table header and of each key that begins a line of a TOML text.
 
     A key inside an inline table has the line and the comment of the key of that table.
     """
-    lines: dict[Key, int] = {}
-    remarks: dict[Key, str] = {}
+    places: dict[Key, tuple[int, str]] = {}
     table: Key = ()
     for number, line in enumerate(text.split("\n"), 1):
+        comment = None
         if header := HEADER.match(line):
             path = table = _path(header[1])
         elif entry := ENTRY.match(line):
-            path = (*table, *_path(entry[1]))
-            remarks |= {path: comment[1].strip("# ")} if (comment := COMMENT.match(line)) else {}
+            path, comment = (*table, *_path(entry[1])), COMMENT.match(line)
         else:
             continue
         for length in range(1, len(path)):
-            lines.setdefault(path[:length], number)
-        lines[path] = number
-    return lines, remarks
+            places.setdefault(path[:length], (number, ""))
+        places[path] = number, comment[1].strip("# ") if comment else ""
+    return places
 
 
 def _path(dotted: str) -> Key:

@@ -39,13 +39,14 @@ from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences, value_at
-from compact.scene.errors import Mistake, SceneError, Source
+from compact.scene.errors import Key, Mistake, SceneError, Source
 from compact.scene.schema import LAW_NAMES, SceneTables, extra_of
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change"]
 
 
 AUTO = "auto"  # engine that `choose_engine` replaces
+ENGINE: Key = ("accuracy", "engine")  # its key
 SIZES = ("machine.roller_radius", "mix.density_ratio", "layer.fed_density_ratio")  # of the height over contact length
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
 UNHASHED = {"title", "unusual", "output"}  # keys and tables on which no number depends
@@ -148,8 +149,7 @@ class Scene(SceneTables):
             raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
         if not data:
             raise SceneError([f"{file}: holds no key; `compact new DIR` writes a commented scene"])
-        lines, remarks = errors.key_places(text)
-        source = Source(file, lines, remarks=remarks, given=deepcopy(data))
+        source = Source(file, errors.key_places(text), given=deepcopy(data))
         return cls._checked(data, source, changes, _rules(source))
 
     @classmethod
@@ -196,7 +196,8 @@ class Scene(SceneTables):
         _drop_fits(data, changes)
         if value_at(data, "accuracy.engine") == AUTO:
             data["accuracy"]["engine"], why = choose_engine(data)
-            source = replace(source, remarks={**source.remarks, ("accuracy", "engine"): f"{AUTO}: {why}"})
+            places = {**source.places, ENGINE: (source.line(ENGINE), f"{AUTO}: {why}")}
+            source = replace(source, places=places)
         try:
             return cls.model_validate(data), source, mistakes
         except ValidationError as error:
@@ -228,7 +229,7 @@ class Scene(SceneTables):
     @property
     def engine_reason(self) -> str:
         """Sentence on the engine that "auto" has chosen; empty for a stated one."""
-        said = self._source.remark(("accuracy", "engine"))
+        said = self._source.remark(ENGINE)
         return f"{self.accuracy.engine}: {said}" if said.startswith(f"{AUTO}: ") else ""
 
     @property

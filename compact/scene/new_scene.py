@@ -185,10 +185,10 @@ def _require_strips(rollers: int, radius: float, width: float, stroke: float) ->
 
 def _with_values(text: str, values: Values) -> str:
     """Replace values of the template, with their origin at the end of their comment."""
-    lines, (places, _) = text.split("\n"), key_places(text)
+    lines, places = text.split("\n"), key_places(text)
     for key, (value, origin) in values.items():
         path = tuple(key.split("."))
-        number = places[path] - 1
+        number = places[path][0] - 1
         comment = lines[number].partition("#")[2].strip().removesuffix("; guess")
         lines[number] = f"{path[-1]} = {_toml(value)}".ljust(COLUMN - 1) + f" # {comment}; {origin}"
     return "\n".join(lines)
