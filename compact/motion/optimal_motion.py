@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 from scipy import sparse
 
-from compact.motion.limits import InfeasibleError, Limits
+from compact.motion.limits import Limits
 from compact.motion.optimisation_problem import (
     OBJECTIVES,
     PEAKS,
@@ -44,13 +44,12 @@ PIECES_LIMIT = 1024  # [-], of an optimal law, whose dense programs take 0.1 GB;
 # Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
 PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
 CAM_PIECES = 64  # [-], at most with a cam: its bounds on the travel are dense, each depends on all unknowns before it
-COARSEST_PIECES = 16  # [-], at least, of the first search; they are halved until the number is reached
 LOBATTO_NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # [-], of a piece
 LOBATTO_WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180  # [-], their sum is 1
 PEAK_SAMPLES = 33  # [-], of a piece: samples of the search for peaks between the nodes
 PEAK_TOLERANCE = 1e-5  # [-], relative, by which a peak between the nodes may exceed those at the nodes
 EXCHANGE_ROUNDS = 8  # [-], of adding such peaks to the nodes; 2 to 4 are usual
-STEP_LIMIT = 60  # [-], convex subproblems on one set of pieces
+STEP_LIMIT = 300  # [-], convex subproblems of one search
 GAP_TOLERANCE = 1e-6  # [-], largest optimality gap of a result
 DECREASE_TOLERANCE = 1e-9  # [-], relative predicted decrease at which a search ends
 FINE_DECREASE = 1e-14  # [-], the same where the gap, of the order of its square root, remains too large
@@ -157,9 +156,9 @@ def optimise(
     laws = ConstraintSet(limits, spline_space_for(limits, pieces), float(stroke), float(duration))
     problem = OptimisationProblem(laws, weights, float(mass), resistances)
     if regret:
-        alone = (_find_optimal_law(replace(problem, resistances=(one,)), pieces) for one in resistances)
+        alone = (_find_optimal_law(replace(problem, resistances=(one,))) for one in resistances)
         problem = replace(problem, minima=tuple(law.value for law in alone))
-    return _find_optimal_law(problem, pieces)
+    return _find_optimal_law(problem)
 
 
 def optimal_law_name(objectives: Iterable[str]) -> str:
@@ -342,21 +341,10 @@ def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
     return max(0.0, (value - solve_linearised(problem, unknowns, models, with_curvature=False)[1]) / abs(value))
 
 
-def _find_optimal_law(problem: OptimisationProblem, pieces: int) -> OptimalMotion:
-    """Find the law that minimises a criterion, first on few pieces, which are then halved."""
-    laws, curve, steps = problem.constraints, None, 0
-    rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
-    for halvings in range(rounds + 1):
-        space = spline_space_for(laws.limits, pieces >> rounds, halvings)
-        problem = replace(problem, constraints=replace(laws, space=space))
-        try:
-            start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
-        except InfeasibleError:
-            if halvings < rounds:
-                continue  # smaller pieces may admit a law
-            raise
-        unknowns, value, taken = trust_region_search(problem, start)
-        curve, steps = space.curve(unknowns), steps + taken
+def _find_optimal_law(problem: OptimisationProblem) -> OptimalMotion:
+    """Find the law that minimises a criterion, from that of the least mean square of acceleration."""
+    laws = problem.constraints
+    unknowns, value, steps = trust_region_search(problem, laws.min_acceleration_law)
     for _ in range(EXCHANGE_ROUNDS):
         peaks = problem.peaks_between_nodes(unknowns)
         if not peaks:
@@ -375,5 +363,5 @@ def _find_optimal_law(problem: OptimisationProblem, pieces: int) -> OptimalMotio
             f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
             f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
         )
-    name, curve = optimal_law_name(problem.weights), space.curve(unknowns)
+    name, curve = optimal_law_name(problem.weights), laws.space.curve(unknowns)
     return OptimalMotion(name, laws.stroke, laws.duration, curve, False, value, gap, steps)

@@ -117,14 +117,6 @@ class SplineSpace:
         orders = range(self.smoothness + 2, -1, -1)
         return PPoly([self.coefficients(k)[:, 0] @ unknowns / factorial(k) for k in orders], self.breaks)
 
-    def interpolate(self, curve: Callable[..., Array]) -> Array:
-        """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
-        u = np.array([0.2, 0.4, 0.6, 0.8]) if self.smoothness == 3 else np.array([0.25, 0.5, 0.75])
-        values = curve(self.breaks[:-1] + np.outer(u, np.diff(self.breaks)), nu=min(self.smoothness, 2))
-        found = np.linalg.solve(bernstein_basis(len(u) - 1, u), values)  # by pieces: small values keep their digits
-        first = len(u) - 3  # of the two unknowns of each piece
-        return np.concatenate([found[0, :first], found[first : first + 2].T.ravel(), found[-1, -1:]])
-
 
 def bernstein_basis(degree: int, u: ArrayLike) -> Array:
     """Return the Bernstein polynomials of a degree at coordinates u from 0 to 1 [-], shape (places, degree + 1)."""
@@ -142,7 +134,7 @@ def halve(rows: Array, times: int) -> Array:
 
 
 def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Array:
-    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
+    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest.
 
     z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
     z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
@@ -152,22 +144,21 @@ def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Arra
     return start + (end - start) * z
 
 
-def spline_space_for(limits: Limits, pieces: int, halvings: int = 0) -> SplineSpace:
+def spline_space_for(limits: Limits, pieces: int) -> SplineSpace:
     """Return the `SplineSpace` for the smoothness and the phase of constant velocity of some limits.
 
-    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase; each piece is
-    halved `halvings` times.
+    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase.
     """
-    k, times = limits.continuous, 2**halvings
+    k = limits.continuous
     if limits.steady is None:
-        return SplineSpace(graded_breaks(0.0, 1.0, times * pieces, k), k)
+        return SplineSpace(graded_breaks(0.0, 1.0, pieces, k), k)
     start, end = limits.steady
     first = min(max(2, round(pieces * limits.run_up / (limits.run_up + limits.run_down))), pieces - 2)
     inner = 1 if limits.steady_tolerance == 0 else STEADY_PIECES
     breaks = [
-        graded_breaks(0.0, start, times * first, k)[:-1],
+        graded_breaks(0.0, start, first, k)[:-1],
         np.linspace(start, end, inner + 1)[:-1],
-        graded_breaks(end, 1.0, times * (pieces - first), k),
+        graded_breaks(end, 1.0, pieces - first, k),
     ]
     return SplineSpace(np.concatenate(breaks), k)
 
