@@ -142,27 +142,19 @@ class ElasticRun(rigid_drive.Run):
     impulses = ()
 
     @cached_property
-    def time(self) -> Array:
-        """Time since the start of the forward stroke [s]."""
-        return (self.trajectory.begin[:, None] + self.trajectory.duration[:, None] * SAMPLES).ravel()
-
-    @cached_property
-    def weights(self) -> Array:
-        """Quadrature weights over the cycle [s]."""
-        return (self.trajectory.duration[:, None] * WEIGHTS).ravel()
-
-    @cached_property
-    def direction(self) -> Array:
-        """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        return np.repeat(self.cycle.direction(self.trajectory.begin + 1e-9 * self.period), len(SAMPLES))
+    def samples(self) -> tuple[Array, Array, Array, rigid_drive.DriveState]:
+        """Time and quadrature weights [s], direction of the law, and state of the cart."""
+        begin, duration = self.trajectory.begin, self.trajectory.duration[:, None]
+        time, weights = begin[:, None] + duration * SAMPLES, duration * WEIGHTS
+        direction = np.repeat(self.cycle.direction(begin + 1e-9 * self.period), len(SAMPLES))
+        return time.ravel(), weights.ravel(), direction, self._state()
 
     @cached_property
     def motion(self) -> Kinematics:
         """Motion and forces of the cart and its spring."""
         return self.trajectory.samples
 
-    @cached_property
-    def state(self) -> rigid_drive.DriveState:
+    def _state(self) -> rigid_drive.DriveState:
         """Motion and forces of the cart.
 
         Slower than the integration resolves, mix and guides share its resistance in the ratio of their limits.
@@ -189,29 +181,19 @@ class ElasticRun(rigid_drive.Run):
         return rigid_drive.DriveState(motion.position, velocity, acceleration, motion.jerk, mix, zero, load, forces)
 
     @property
-    def drive_force(self) -> Array:
-        """Drive force H [N], positive towards the driven end."""
-        return self.motion.drive_force
-
-    @property
     def drive_power(self) -> Array:
         """Power H y' of the driven end [W]."""
         return self.motion.drive_force * self.motion.driven_velocity
 
-    @cached_property
-    def _peaks(self):
-        """Largest |H| [N] and |H y'| [W]."""
-        return self.trajectory.largest_force_and_power()
-
     @property
     def peak_force(self) -> float:
         """Largest |H| [N]."""
-        return self._peaks[0]
+        return self.trajectory.largest_force_and_power[0]
 
     @property
     def peak_power(self) -> float:
         """Largest |H y'| [W]."""
-        return self._peaks[1]
+        return self.trajectory.largest_force_and_power[1]
 
     @cached_property
     def rigid(self) -> rigid_drive.Run:

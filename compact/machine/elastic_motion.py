@@ -157,6 +157,7 @@ class Trajectory:
         stored = cart.end_preload * compression + cart.end_stiffness / 2 * compression**2
         return cart.mass / 2 * state.velocity**2 + cart.stiffness / 2 * stretch**2 + stored
 
+    @cached_property
     def largest_force_and_power(self) -> tuple[float, float]:
         """Largest |H| [N] and |H y'| [W], also between samples."""
         pace, elongation, rate = (self._nodal[:, k] for k in (1, 3, 4))
@@ -345,20 +346,6 @@ class CartMotion:
             "steeply with speed"
         )
 
-    def _quasi_static_state(self, early):
-        """State at the end of a part of the forward stroke, of a cart that follows the law without oscillation."""
-        cart, width, row = self.cart, np.diff(early.breaks)[-1], early.coefficients[-1]
-        powers = np.arange(len(row))
-        velocity, acceleration = row @ powers / width, row @ (powers * (powers - 1)) / width**2
-        pull = cart.mass * acceleration + float(self.total(np.array([velocity]))[0])
-        flank = 1 if cart.backlash == 0 else int(np.sign(pull))
-        elongation = pull / cart.stiffness + flank * cart.backlash / 2
-        position = row.sum() - elongation
-        far = position > cart.stroke - cart.end_length > 0
-        zone = spring_forces.NEAR_SPRING if position < cart.end_length else spring_forces.FAR_SPRING if far else 0.0
-        distance = min(float(cart.turns[0, 0]), position) if cart.turns.size else 0.0
-        return CartState(float(elongation), float(velocity), flank, int(zone), 0.0, 1, distance, 0.0, 0.0, -cart.stroke)
-
     def _cycle(self, state: CartState, early: PiecewisePolynomial, late: PiecewisePolynomial) -> Trajectory:
         """Cycle from a state in the middle of the forward stroke; steps in order of time, state at that place."""
         second = self.integrate(late, state)
@@ -369,13 +356,14 @@ class CartMotion:
     def solve_periodic(self) -> Trajectory:
         """Solve the periodic regime: fixed point of a cycle by Anderson's acceleration.
 
-        A cycle begins in the middle of the forward stroke, where the cart moves. Where accelerated cycles do not close
-        further, plain ones let a stable regime settle; there is none where they do not close further either.
+        A cycle begins in the middle of the forward stroke, where the cart moves; the first one after half a stroke from
+        rest. Where accelerated cycles do not close further, plain ones let a stable regime settle; there is none where
+        they do not close further either.
         """
         middle = int(np.searchsorted(self.law.breaks, self.half_stroke_time * (1 - 1e-9)))
         early = PiecewisePolynomial(self.law.breaks[: middle + 1], self.law.coefficients[:middle])
         late = PiecewisePolynomial(self.law.breaks[middle:], self.law.coefficients[middle:])
-        cart, state, halfway = self.cart, self._quasi_static_state(early), early.coefficients[-1].sum()
+        cart, state, halfway = self.cart, self.integrate(early, self.rest_state).end, early.coefficients[-1].sum()
         free = [0, 1]  # elongation and velocity, and the memory of the turns
         units = self.scale / np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass)])
         if cart.turns.size:

@@ -153,7 +153,7 @@ def simulate_motor(
     require_nonnegative(start_speed=0.0 if start_speed is None else start_speed)
     speed = _first_guess(motor, load) if start_speed is None else start_speed
     revolution = solve_shaft_speed(partial(motor.residual, load), load.breaks(), speed, periodic=start_speed is None)
-    run = MotorRun(cart, cycle, resistance, working, motor, revolution)
+    run = MotorRun(cart, cycle, resistance, working, motor, load, revolution)
     run.require_no_slip()
     return run
 
@@ -177,14 +177,18 @@ def _first_guess(motor: Motor, load: CartsOnShaft) -> float:
 
 @dataclass(frozen=True)
 class MotorRun(rigid_drive.Run):
-    """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart."""
+    """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart.
 
+    Parameters
+    ----------
+    load : CartsOnShaft
+        Carts on the shaft.
+    revolution : ShaftRevolution
+        Speed of the shaft.
+    """
+
+    load: CartsOnShaft
     revolution: ShaftRevolution
-
-    @cached_property
-    def load(self) -> CartsOnShaft:
-        """Carts on the shaft."""
-        return CartsOnShaft(self.cart, self.cycle, self.resistance, self.drive.angles, self.drive.rod)
 
     @cached_property
     def samples(self) -> tuple[Array, Array, Array, rigid_drive.DriveState]:

@@ -381,9 +381,9 @@ def solve_shaft_speed(residual: Residual, breaks: ArrayLike, speed: float, *, pe
         Solve the periodic regime.
     """
     breaks = np.asarray(breaks, float)
-    energy = np.full((len(breaks) - 1, ORDER + 1), speed**2 / 2)
     for _ in range(MAX_REFINEMENTS):
         width = np.diff(breaks)[:, None]
+        energy = np.full((len(width), ORDER + 1), speed**2 / 2)
         angle = np.clip(breaks[:-1, None] + width * NODES, breaks[:-1, None] + END_INSET, breaks[1:, None] - END_INSET)
         energy = _solve_elements(residual, angle, width, energy, periodic)
         coefficients = np.abs(energy @ TO_CHEBYSHEV.T)
@@ -393,10 +393,7 @@ def solve_shaft_speed(residual: Residual, breaks: ArrayLike, speed: float, *, pe
         middles = (breaks[:-1] + breaks[1:])[unresolved] / 2
         if len(breaks) + len(middles) > MAX_ELEMENTS:
             break
-        coarse = ShaftRevolution(breaks, angle, energy, energy)
         breaks = np.sort(np.append(breaks, middles))
-        fine = breaks[:-1, None] + np.diff(breaks)[:, None] * NODES
-        energy = np.maximum(coarse.evaluate(fine)[0], MIN_ENERGY_RATIO * energy.min())
     raise RuntimeError(
         f"the speed of the shaft is not resolved by {len(breaks) - 1} elements; use a torque curve and a resistance "
         "that are smooth in speed"

@@ -83,7 +83,7 @@ def test_step_of_acceleration(stiffness, ratio):
     damped = drive.damping * np.gradient(exact, t, edge_order=2) if ratio == 0 else force - stiffness * elongation
     assert force == pytest.approx(stiffness * exact + damped, abs=1e-7 * MASS * a)
     if ratio == 0:
-        assert trajectory.largest_force_and_power()[0] == pytest.approx(2 * MASS * a, rel=1e-9)
+        assert trajectory.largest_force_and_power[0] == pytest.approx(2 * MASS * a, rel=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.7, 1.0, 3.0])
@@ -120,7 +120,7 @@ def test_impact_after_a_reversal_does_not_depend_on_the_stiffness(stiffness):
     start = CartState((size - inertia) / stiffness, 0.0, 1)
     time = math.sqrt(2 * (2 * size - inertia) / stiffness / 0.2) + 7 / w
     trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0, 0, -0.1), time, size, start)
-    peak = trajectory.largest_force_and_power()[0]
+    peak = trajectory.largest_force_and_power[0]
     assert peak == pytest.approx(size + inertia + math.sqrt(4 * size * inertia - inertia**2), rel=1e-9)
 
 
