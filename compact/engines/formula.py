@@ -342,9 +342,9 @@ class FormulaEngine(Engine):
         """Evaluate the formulas."""
         return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
+    def turning(self, contact: Contact, radius: float, release: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that grows into fresh mix as its own imprint, of the exponent of (1.4)."""
-        return shares_of("imprint", contact.leading, contact.own["exponent"])
+        return shares_of("imprint", contact.leading, contact.own["exponent"], release)
 
 
 FORMULA = FormulaEngine()

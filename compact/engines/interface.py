@@ -312,7 +312,7 @@ class Engine:
         """Expand the resistance to first order in the acceleration; None where the mix has no memory in time."""
         return None
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning | None:
+    def turning(self, contact: Contact, radius: float, release: float, film: float | None = None) -> Turning | None:
         """Return the shares of force and load after a turn of the cart; None where their transient is unknown: a step.
 
         Parameters
@@ -321,6 +321,8 @@ class Engine:
             Steady contact of the engine, or its record.
         radius : float
             Radius of the roller [m].
+        release : float
+            Length over which the old force lets go [m], `turning.elastic_release`.
         film : float, optional
             Thickness of loose mix on a pressed lower lift [m]; None on a rigid base.
         """

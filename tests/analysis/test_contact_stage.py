@@ -415,7 +415,7 @@ def test_exponent_of_columns_is_that_of_their_own_force():
     found = build_up(COLUMN)
     speed = found.scene.mean_speed
     contact = min(found.contacts.records, key=lambda each: abs(np.log(each.speed / speed)))
-    length, exponent = found.turning.args
+    length, exponent, _ = found.turning.args
     depth = contact.indentation
     assert length == pytest.approx(np.sqrt(2 * 0.11 * depth))
     assert contact.peak_pressure * depth / (exponent + 1) == pytest.approx(contact.resistance, rel=1e-12)
@@ -424,7 +424,7 @@ def test_exponent_of_columns_is_that_of_their_own_force():
 
 def test_bow_wave_of_the_contact_delays_the_build_up():
     contact = SimpleNamespace(indentation=2.13e-3, bow_wave=2.54e-3)
-    share, load = ENGINES["compaction"].turning(contact, 0.11)(0.11)
+    share, load = ENGINES["compaction"].turning(contact, 0.11, 0.2e-3)(0.11)
     length = np.sqrt(2 * 0.11 * 2.13e-3)
     assert share.distance == pytest.approx(0.11 - length)
     at = share.distance + 0.5 * length

@@ -23,13 +23,13 @@ from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_shares
 
 STROKE, DURATION = 0.4, 0.889  # [m], [s]
-DEPTH, WAVE = 2.1e-3, 2.54e-3  # [m], of the published lift
+DEPTH, WAVE, RELEASE = 2.1e-3, 2.54e-3, 0.2e-3  # [m], of the published lift
 PUBLISHED = ("cubic", "quintic", "cycloidal", "harmonic")
 
 
 def along_stroke(edge=0.110, scale=1.0, length=0.026, wave=WAVE):
     """Resistance of 3486 N that rebuilds after a turn."""
-    contact = length, DEPTH, wave, edge
+    contact = length, DEPTH, wave, RELEASE, edge
     force, load = wave_shares(*contact)
     return StrokeResistance(lambda v, a: scale * dry(v, a), force, force, load, load)
 

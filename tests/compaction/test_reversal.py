@@ -6,16 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machine_cases import CART, published_law
 
 from compact import turning
-from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.resistance import dry_resistance
 
 STUDY = Path(__file__).parents[2] / "studies" / "reversal.py"
-FORCE, STROKE, DURATION = 3566.0, 0.4, 0.889  # [N], [m], [s]
-SIX = "parabolic", "cubic", "quintic", "harmonic", "cycloidal", "reversal-2"
-JOIN = 0.08  # [-], contact lengths after the turn from which a history is a table; the release before is exponential
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +24,6 @@ def reversal():
 def shallow(reversal):
     """Half the depth of the published lift, which no constant is fitted to."""
     return reversal.history("shallow", 2.0)
-
-
-def length_of(reversal, name):
-    case = reversal.CASES[name]
-    return float(np.sqrt(2 * case.radius * case.depth))
 
 
 @pytest.mark.slow
@@ -66,10 +55,23 @@ def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
 
 
 @pytest.mark.slow
-def test_old_force_lets_go_along_the_motion_within_the_release(reversal, shallow):
-    share = turning.wave_shares(1.0, 1.0, shallow.wave, shallow.edge)[0]
-    assert shallow.force[0] < -0.3
-    assert reversal.release(shallow) == pytest.approx(share.release, rel=0.15)
+@pytest.mark.parametrize(("fixture", "error"), [("shallow", 0.17), ("film", 0.06)])
+def test_old_force_lets_go_along_the_motion_within_the_elastic_release(request, reversal, fixture, error):
+    """Both are held out. A half-plane alone would let go over twice the travel on the shallow lift."""
+    found = request.getfixturevalue(fixture)
+    assert found.force[0] < -0.3
+    assert reversal.release(found) == pytest.approx(found.release, rel=error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("modulus", [60e6, 240e6])
+def test_release_of_a_mix_of_another_modulus_is_predicted(monkeypatch, reversal, modulus):
+    """The constants are of 120 MPa. On a layer of 20 mm r/a is 0.0241 and 0.0058, by formula 0.0229 and 0.0059."""
+    monkeypatch.setattr(reversal, "MIX", replace(reversal.MIX, unloading_modulus=modulus))
+    monkeypatch.setattr(reversal, "steady", reversal.steady.__wrapped__)
+    monkeypatch.setitem(reversal.CASES, "thin layer", replace(reversal.CASES["thin layer"], extent=-0.7))
+    found = reversal.history("thin layer", 2.0)  # up to 0.3 contact lengths after the turn
+    assert reversal.release(found) == pytest.approx(found.release, rel=0.08)
 
 
 @pytest.mark.slow
@@ -80,7 +82,7 @@ def test_old_front_is_met_where_it_was_left(reversal):
     """
     front = reversal.STEADY
     found = reversal.run("published", (0, front, front - 0.3, front - 0.015, front - 0.025, front + 0.3), 13 / 3, 6)
-    beyond, share = found.x - front, turning.wave_shares(1.0, 1.0, found.wave, 13 / 3)[0]
+    beyond, share = found.x - front, turning.wave_shares(1.0, 1.0, found.wave, found.release, 13 / 3)[0]
     track = (found.stroke == 3) & (beyond < -0.05)
     assert np.abs(found.force[track]).max() < 0.03
     last = found.stroke == 5
@@ -92,33 +94,12 @@ def test_old_front_is_met_where_it_was_left(reversal):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "name", "error"), [("shallow", "shallow", 0.06), ("film", "denser", 0.07)])
-def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, fixture, name, error):
+@pytest.mark.parametrize("name", ["shallow", "denser"])
+def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, name):
     """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 5.8 %; a step is 70 and 42 % off."""
-    found, length, depth = request.getfixturevalue(fixture), length_of(reversal, name), reversal.CASES[name].depth
-    thickness = found.thickness and found.thickness * length
-    contact = length, depth, found.wave * depth, found.edge * length, thickness
-    formula = turning.wave_shares(*contact)
-    travel = (found.x + found.edge - 1) * length
-    middle, table = (travel[1:] + travel[:-1]) / 2, []  # of neighbouring steps, between which the mesh alternates
-    inside = middle > JOIN * length
-    for values, share in zip((found.force, found.load), formula, strict=True):
-        means = ((values[1:] + values[:-1]) / 2)[inside].clip(0, 1)
-        later = np.linspace(middle[-1], STROKE + 0.1, 40)[1:]
-        rest = 1 - (1 - share(later)) * (1 - means[-1]) / (1 - share(middle[-1]))  # beyond the run
-        places, shares = np.concatenate([[0.0], middle[inside], later]), np.concatenate([means[:1], means, rest])
-        release = reversal.release(found) * length
-        table.append(turning.table_share(places, shares, track=share.track, distance=share.distance, release=release))
-    cart = replace(CART, mass=1000.0)
-    for stiffness in (1e6, 3e6):
-        drive = ElasticDrive(stiffness, 2 * 0.05 * np.sqrt(stiffness * cart.mass))
-        for law in SIX:
-            motion = published_law(law, duration=DURATION)
-            runs = [
-                simulate_elastic(
-                    cart, drive, motion, turning.StrokeResistance(dry_resistance(FORCE), force, force, load, load)
-                )
-                for force, load in (formula, table)
-            ]
-            assert runs[0].peak_force == pytest.approx(runs[1].peak_force, rel=error)
-            assert runs[0].peak_power == pytest.approx(runs[1].peak_power, rel=0.10)
+    found = request.getfixturevalue({"shallow": "shallow", "denser": "film"}[name])
+    formula, step, history = reversal.drive_peaks(name, found)
+    force, power = np.abs(formula / history - 1).max(axis=1)
+    assert force < 0.06
+    assert power < 0.10
+    assert np.abs(step / history - 1).max() > 0.4

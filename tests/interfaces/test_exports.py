@@ -137,7 +137,7 @@ def test_cart_that_stops_within_a_step_moves_on_in_the_rest_of_it(model, tmp_pat
 
 
 def along_stroke(resistance):
-    near, far = (0.02, 2e-3, 2e-3, 0.110), (0.02, 2e-3, 1e-3, 0.154)
+    near, far = (0.02, 2e-3, 2e-3, 0.2e-3, 0.110), (0.02, 2e-3, 1e-3, 0.2e-3, 0.154)
     shares = [share for pair in zip(wave_shares(*near), wave_shares(*far), strict=True) for share in pair]
     return StrokeResistance(resistance, *shares)
 

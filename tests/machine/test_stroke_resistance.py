@@ -22,18 +22,18 @@ from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import dry_resistance, tabulated_resistance
 from compact.turning import StrokeResistance, table_share
 
-LENGTH, DEPTH = 0.0215, 2.1e-3  # of the contact [m]
+LENGTH, DEPTH, RELEASE = 0.0215, 2.1e-3, 0.17e-3  # of the contact [m]
 STROKE, DURATION = 0.4, 0.889
 DRY = dry_resistance(SIZE)
 MAP = tabulated_resistance((0.01, 0.1, 0.4, 2.0), (2.2e3, 3.0e3, 3.3e3, 3.4e3), (-30.0, -10.0, -5.0, -1.0), 0.05)
 
 
 def wave(edge, bow_wave=1.21 * DEPTH):
-    return turning.wave_shares(LENGTH, DEPTH, bow_wave, edge)
+    return turning.wave_shares(LENGTH, DEPTH, bow_wave, RELEASE, edge)
 
 
 def imprint(edge, exponent=0.7):
-    return turning.imprint_shares(LENGTH, exponent, edge)
+    return turning.imprint_shares(LENGTH, exponent, 0.014 * LENGTH, edge)
 
 
 def table(*rows):

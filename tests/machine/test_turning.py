@@ -11,15 +11,15 @@ from compact.resistance import dry_resistance
 from compact.turning import RELEASED, StrokeResistance, table_share
 
 LENGTH, DEPTH, WAVE, EDGE = 0.026, 2.1e-3, 1.21 * 2.1e-3, 0.110
-STROKE = 0.4
+STROKE, RELEASE = 0.4, 0.2e-3
 
 
 def wave_shares(wave=WAVE, edge=EDGE):
-    return turning.wave_shares(LENGTH, DEPTH, wave, edge)
+    return turning.wave_shares(LENGTH, DEPTH, wave, RELEASE, edge)
 
 
 def imprint_shares(exponent=0.7, edge=EDGE):
-    return turning.imprint_shares(LENGTH, exponent, edge)
+    return turning.imprint_shares(LENGTH, exponent, RELEASE, edge)
 
 
 def along_stroke(force, load, resistance=None):
@@ -126,7 +126,10 @@ def test_neither_force_nor_load_jumps_at_a_turn(shares, stroke):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: turning.wave_shares(0.0, DEPTH, WAVE, EDGE), "`contact_length` must be positive and finite, got 0.0"),
+        (
+            lambda: turning.wave_shares(0.0, DEPTH, WAVE, RELEASE, EDGE),
+            "`contact_length` must be positive and finite, got 0.0",
+        ),
         (lambda: table_share((0.0, 0.1), (0.0, 1.2)), "`share` must be between 0 and 1, got"),
         (lambda: table_share((0.1, 0.1), (0.0, 1.0)), "`travel` must ascend, got"),
         (lambda: table_share((0.1,), (0.0, 1.0)), "`travel` and `share` must be columns of one length, got"),
@@ -161,5 +164,5 @@ def test_old_force_lets_go_within_its_release():
     shares = along_stroke(*wave_shares()).over(STROKE)[0]
     last = 1 - 1.21 / 2.21 * np.exp(-((STROKE - shares.force.distance) / LENGTH - 0.5) / (5 * 1.21**0.75))
     assert float(shares.force_share(0.0)) == pytest.approx(-last, rel=1e-12)
-    assert float(shares.force_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.02, abs=1e-14)
-    assert float(shares.load_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.25, abs=1e-14)
+    assert float(shares.force_share(RELEASED * RELEASE)) == pytest.approx(0.02, abs=1e-14)
+    assert float(shares.load_share(RELEASED * RELEASE)) == pytest.approx(0.25, abs=1e-14)

@@ -30,7 +30,7 @@ from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap
 from compact.rolling_contact import Contact
 from compact.scene.schema import Motion
-from compact.turning import RELEASED, Share, StrokeResistance, table_share, with_standing_drag
+from compact.turning import RELEASED, Share, StrokeResistance, elastic_release, table_share, with_standing_drag
 
 if TYPE_CHECKING:
     from compact.engines.interface import Turning
@@ -99,10 +99,13 @@ class ResistanceStage:
             return partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
         with warnings.catch_warnings(action="ignore"):  # the shares need edges and exponent of the contact alone
             near = self.contacts.mean_record
-        scene = self.scene
-        loose = scene.lift_thickness * scene.mix.density_ratio / scene.layer.fed_density_ratio
-        film = loose if scene.layer.lower_lift else None
-        found = self.contacts.engine.turning(near, scene.machine.roller_radius, film)
+        scene, mix = self.scene, self.contacts.mix
+        lower, height = scene.layer.lower_lift, scene.lift_thickness
+        film = height * scene.mix.density_ratio / scene.layer.fed_density_ratio if lower else None
+        radius, modulus = scene.machine.roller_radius, mix.unloading_modulus / (1 - mix.poisson**2)
+        below = lower.thickness if lower else 0.0
+        release = elastic_release(radius, modulus, height + below, near.leading, near.peak_pressure)
+        found = self.contacts.engine.turning(near, radius, release, film)
         drag = self.contacts.sleeve_drag
         if found is None or not drag:
             return found

@@ -41,7 +41,7 @@ class ColumnEngine(Engine):
             return roll(case.layer, case.roller, case.material, case.speed, **options)
         return roll_over(state.layer, case.roller, case.material, case.speed, lower=state.lower, **options)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
+    def turning(self, contact: Contact, radius: float, release: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that grows into fresh mix as its own imprint.
 
         The exponent n of the pressure over the depth is that of the force: F = p0 depth/(n + 1).
@@ -49,7 +49,7 @@ class ColumnEngine(Engine):
         depth = contact.indentation
         force = abs(contact.resistance - (contact.air_resistance or 0.0))
         exponent = max(contact.peak_pressure * depth / force - 1, 0.0)
-        return shares_of("imprint", math.sqrt(2 * radius * depth), exponent)
+        return shares_of("imprint", math.sqrt(2 * radius * depth), exponent, release)
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse high layers: columns have no bow wave."""

@@ -64,10 +64,10 @@ class CompactionEngine(RateEngine):
         """Return the contact."""
         return contact
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning:
+    def turning(self, contact: Contact, radius: float, release: float, film: float | None = None) -> Turning:
         """Return the shares of a contact that climbs onto fresh mix and builds up its bow wave."""
         depth = contact.indentation
-        return shares_of("wave", math.sqrt(2 * radius * depth), depth, contact.bow_wave, thickness=film)
+        return shares_of("wave", math.sqrt(2 * radius * depth), depth, contact.bow_wave, release, thickness=film)
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return the largest difference of peaks behind a spring by the shares and by the own history."""

@@ -34,10 +34,10 @@ class ProcessEngine(RateEngine):
         """Compute the means over the strokes under a roller at a speed of the cart."""
         return case.process.row_at(abs(case.speed)).contact(case.speed)
 
-    def turning(self, contact: Contact, radius: float, film: float | None = None) -> Turning | None:
+    def turning(self, contact: Contact, radius: float, release: float, film: float | None = None) -> Turning | None:
         """Return the shares of a roller that climbs from its own track onto the make-up, a film, without a wave."""
         depth = contact.indentation
-        return shares_of("wave", math.sqrt(2 * radius * depth), depth, 0.0, thickness=depth) if depth else None
+        return shares_of("wave", math.sqrt(2 * radius * depth), depth, 0.0, release, thickness=depth) if depth else None
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return that of a thin make-up on a dense lift."""
