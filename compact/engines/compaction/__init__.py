@@ -11,7 +11,7 @@ SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, 
 
 # [-], largest differences of peaks behind 1 and 3 MN/m by the shares after a turn and by the run's own history, of nine
 # histories of lifts and of a loose make-up on a pressed one (docs/theory/resistance.md)
-LIFT_PEAK_ERROR, MAKE_UP_PEAK_ERROR = 0.06, 0.07
+LIFT_PEAK_ERROR, MAKE_UP_PEAK_ERROR = 0.06, 0.075
 
 
 class CompactionEngine(RateEngine):
