@@ -37,10 +37,10 @@ DEEP, ON_BASE = 0.5, 1.25  # [-], of the release: elastic half-plane, and elasti
 CLIMB = 2.0  # [-], share over contact lengths in fresh mix, until the first front stands
 WAVE_LENGTH, WAVE_EXPONENT = 5.0, 0.75  # [-], build-up of the bow wave: 5 (bow wave/depth)^0.75 contact lengths
 LOAD_WAVE_LENGTH = 0.8  # [-], likewise for the load, over that for the force
-# of a film, fresh mix thinner than the contact is long, likewise: of peaks behind a spring, make-ups of 1 and 4 mm
-FILM = 4.5  # [-], contact lengths over thicknesses; beyond, the wave builds up faster
-FILM_CLIMB = 0.9  # [-], contact lengths, until the first front of a film stands
-FILM_POWER, FILM_LOAD_POWER = 2.0, 1.0  # [-], of its imprint in force and load: pressure in proportion to the depth
+# of a film, fresh mix thinner than the contact is long, likewise: least squares of make-ups of 1 and 4 mm
+FILM = 5.2  # [-], contact lengths over thicknesses; beyond, the wave builds up faster
+FILM_CLIMB = 0.77  # [-], contact lengths, until the first front of a film stands
+FILM_POWER, FILM_LOAD_POWER = 2.4, 1.5  # [-], of its imprint in force and load
 COMPLETE = 1e-12  # [-], of a share; the build-up ends there
 RELEASED = 36.0  # [-], releases after which the old force is rounding
 
@@ -201,15 +201,15 @@ def wave_shares(
         x = (s - d)/a,   f = max(track, min(1, 2 x) [1 - B exp(-max(0, x - 0.5)/lambda)])
         B = w/(depth + w),   lambda = 5 (w/depth)^0.75
 
-    A film, t < a/4.5, as a make-up of loose mix on a dense lift, yields like an imprint and soon has its wave:
+    A film, t < a/5.2, as a make-up of loose mix on a dense lift, yields like an imprint and soon has its wave:
 
-        f = max(track, (2 u - u^2)^2 [1 - B exp(-max(0, x - 0.9)/lambda)]),   u = min(1, x/0.9)
-        lambda (4.5 t/a)^0.75
+        f = max(track, (2 u - u^2)^2.4 [1 - B exp(-max(0, x - 0.77)/lambda)]),   u = min(1, x/0.77)
+        lambda (5.2 t/a)^0.75
 
-    Between a/t of 1 and 4.5 both are mixed in proportion. For the load
+    Between a/t of 1 and 5.2 both are mixed in proportion. For the load
 
         1 - B = sqrt(depth/(depth + w)),   lambda = 0.8 of that of the force,   a quarter on the own track;
-        2 u - u^2 without a square on a film
+        (2 u - u^2)^1.5 on a film
 
     Parameters
     ----------

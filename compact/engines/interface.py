@@ -181,6 +181,8 @@ class Engine:
         Neighbouring points of a sweep, each of which starts from the one before; 1 where no contact is a start.
     low_fidelity : str or None
         Engine that a sweep computes at every point, corrected by this one at some of them.
+    turning_error : float or None
+        Largest relative error of peaks behind a spring by `turning` [-]; None where no history of forces supports it.
     """
 
     name: str
@@ -194,6 +196,7 @@ class Engine:
     points_per_task: int = 1
     line: int = 1
     low_fidelity: str | None = None
+    turning_error: float | None = None
 
     def require(self, layer: Layer | None, roller: Roller, speed: float) -> None:
         """Require a roller in motion, and conditions of layer and roller within the limits; ValueError otherwise.
@@ -325,13 +328,6 @@ class Engine:
             Length over which the old force lets go [m], `turning.elastic_release`.
         film : float, optional
             Thickness of loose mix on a pressed lower lift [m]; None on a rigid base.
-        """
-        return None
-
-    def turning_error(self, lower_lift: bool) -> float | None:
-        """Return the largest relative error of peaks behind a spring by `turning` [-], also on a pressed lower lift.
-
-        None where no history of forces with a turn supports the shares.
         """
         return None
 

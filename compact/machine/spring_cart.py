@@ -118,7 +118,7 @@ def _collocate(cart, state, within, h, step, mix):
     """Fill in e, e', e'' and both shares at the nodes of a step of h [s] of a sliding cart, and the force of the mix.
 
     The unknowns are e'' at all nodes; the first iteration takes the resistance as linear about the start. Returns true
-    for a converged solution.
+    for a converged solution. Iterations whose residual grows have failed: where they lead hangs on rounding.
     """
     n, flank, zone, limit = ORDER + 1, state[FLANK], state[ZONE], NEWTON_TOLERANCE * cart.tolerance
     matrix, gap, slopes, worst = np.empty((n, n)), np.empty(n), np.empty((2, n)), np.inf
@@ -129,7 +129,7 @@ def _collocate(cart, state, within, h, step, mix):
         for k in range(4, 2, -1):
             for i in range(1, n):
                 step[k, i] = step[k, 0] + h * _product(FROM_START, i, step[k + 1])
-        worst, start = 0.0, step[0, 0] - step[3, 0]
+        before, worst, start = worst if attempt > 1 else np.inf, 0.0, step[0, 0] - step[3, 0]
         for i in range(n):
             y, e, rate = step[0, i], step[3, i], step[4, i]
             position, velocity = y - e, step[1, i] - rate
@@ -143,7 +143,7 @@ def _collocate(cart, state, within, h, step, mix):
             gap[i], slopes[0, i], slopes[1, i] = cart.mass * (step[2, i] - step[5, i]) + force - pull, damping, steep
             if not abs(gap[i]) <= worst:
                 worst = abs(gap[i]) if math.isfinite(gap[i]) else np.inf
-        if (worst <= limit and attempt > 0) or worst == np.inf:
+        if (worst <= limit and attempt > 0) or worst >= before or worst == np.inf:
             break
         for i in range(n):
             damping, steep = h * (cart.damping + slopes[0, i]), h**2 * (stiffness + slopes[1, i])

@@ -272,11 +272,10 @@ def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):
 
 
 def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):
-    errors = [ENGINE_CLASSES["compaction"].turning_error(lower_lift) for lower_lift in (False, True)]
-    assert errors == [0.06, 0.07]
-    assert ENGINE_CLASSES["formula"].turning_error(False) is ENGINE_CLASSES["formula"].turning_error(True) is None
+    assert ENGINE_CLASSES["compaction"].turning_error == ENGINE_CLASSES["process"].turning_error == 0.06
+    assert ENGINE_CLASSES["formula"].turning_error is None
     most = 0.09
-    monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", lambda *_: most)
+    monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", most)
     monkeypatch.setattr(stage, "SAMPLES", 64)
     laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
     known = Study(load_scene("loveikin-2015-engines", **FORMULA | laws)).uncertainty

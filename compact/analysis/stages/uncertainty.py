@@ -242,7 +242,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     for label, each in variants.items():
         moved = along_stroke(model.steady, model.turning, each.keys[SLEEVE]) if SLEEVE in each.keys else None
         by_drive[label] = Change(label, each.keys, moved)
-    error = ENGINES[model.engine].turning_error(scene.layer.lower_lift is not None) if edges else None
+    error = ENGINES[model.engine].turning_error if edges else None
     if error and DRIVES[scene.drive.kind].driven_end:
         scaled_peaks = {
             f"peaks {sign} {100 * error:.0f} %": {

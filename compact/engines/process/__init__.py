@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from compact.engines.compaction import MAKE_UP_PEAK_ERROR
+from compact.engines.compaction import PEAK_ERROR
 from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine, Turning, shares_of
 from compact.rolling_contact import Contact
 
@@ -28,7 +28,7 @@ class ProcessEngine(RateEngine):
         Limit("layer.lower_lift", (None,), "the whole height of the product lies under the roller"),
         Limit("mix.pore_air", ("one-way", "drained"), "its lifts do not yield to the air", fixed=True),
     )
-    fed_key = "process.feed_density_ratio"
+    fed_key, turning_error = "process.feed_density_ratio", PEAK_ERROR
 
     def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute the means over the strokes under a roller at a speed of the cart."""
@@ -38,10 +38,6 @@ class ProcessEngine(RateEngine):
         """Return the shares of a roller that climbs from its own track onto the make-up, a film, without a wave."""
         depth = contact.indentation
         return shares_of("wave", math.sqrt(2 * radius * depth), depth, 0.0, release, thickness=depth) if depth else None
-
-    def turning_error(self, lower_lift: bool) -> float | None:
-        """Return that of a thin make-up on a dense lift."""
-        return MAKE_UP_PEAK_ERROR
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse columns alone: the confined floor."""
