@@ -21,7 +21,7 @@ STROKE, DURATION, JERK = 0.4, 0.889, 200.0  # [m], [s], [m/s3]
 STIFFNESS, DAMPING_RATIO = (3e5, 1e7), (0.02, 0.2)  # [N/m], [-]
 FORCE, MASS, GUIDE_FRICTION = 3486.0, 1000.0, 0.05  # [N], [kg], [-]
 # [m]: contact length, depth, bow wave, release
-PUBLISHED_LIFT, THIN = (0.026, 2.1e-3, 2.54e-3, 0.2e-3), (0.015, 1e-3, 0.13e-3, 0.19e-3)
+PUBLISHED_LIFT, THIN = (0.026, 2.1e-3, 2.54e-3, 0.20085e-3), (0.015, 1e-3, 0.13e-3, 0.19161e-3)
 EDGE = 0.110  # [m], from the axle back to fresh mix at the turn
 SPREAD = (0.64, 1.0, 1.43, 1.86)  # [-], of F over the whole spread of the mix
 CART = Cart(
