@@ -33,7 +33,7 @@ from compact.numerics.validation import as_numbers, require_between, require_non
 
 # all by reciprocating runs of the compacting engine with friction 0.35, `studies/reversal.py`
 TRACK, LOAD_TRACK = 0.02, 0.25  # [-], share of force and load on the own track: a second pass over the same mix
-DEEP, ON_BASE = 0.5, 1.25  # [-], of the release: elastic half-plane, and elastic layer over the front of the contact
+RELEASE_HALF_PLANE, RELEASE_LAYER = 0.5, 1.25  # [-], of the stiffnesses E'/l and E'/H that lift the mix after a turn
 CLIMB = 2.0  # [-], share over contact lengths in fresh mix, until the first front stands
 WAVE_LENGTH, WAVE_EXPONENT = 5.0, 0.75  # [-], build-up of the bow wave: 5 (bow wave/depth)^0.75 contact lengths
 LOAD_WAVE_LENGTH = 0.8  # [-], likewise for the load, over that for the force
@@ -185,7 +185,7 @@ def elastic_release(radius: float, modulus: float, height: float, leading: float
     """
     require_positive(radius=radius, modulus=modulus, height=height)
     require_nonnegative(leading=leading, peak_pressure=peak_pressure)
-    return peak_pressure * radius / (modulus * (DEEP + ON_BASE * leading / height))
+    return peak_pressure * radius / (modulus * (RELEASE_HALF_PLANE + RELEASE_LAYER * leading / height))
 
 
 def wave_shares(

@@ -110,8 +110,9 @@ def run(name, places, edge, increments):
         start.roller.radius, modulus, start.layer.height, start.leading, start.peak_pressure
     )
     return SimpleNamespace(
-        x=done.position / length, stroke=done.stroke, force=force, load=load, wave=wave, release=release / length
-    )
+        x=done.position / length, stroke=done.stroke, force=force, load=load, wave=wave, release=release / length,
+        front=start.leading / start.layer.height,
+    )  # fmt: skip
 
 
 def history(name, edge, increments=6):
@@ -123,8 +124,9 @@ def history(name, edge, increments=6):
     thickness = case.make_up[0] / math.sqrt(2 * case.radius * case.depth) if case.make_up else None
     force, load = -done.force[back], done.load[back]
     return SimpleNamespace(
-        x=x, force=force, load=load, wave=done.wave, edge=edge, release=done.release, thickness=thickness
-    )
+        x=x, force=force, load=load, wave=done.wave, edge=edge, release=done.release, front=done.front,
+        thickness=thickness,
+    )  # fmt: skip
 
 
 def shares(found, values):
@@ -185,6 +187,14 @@ def release(found):
     return -(found.x[0] + found.edge - 1) / np.log((turning.TRACK - found.force[0]) / (1 + turning.TRACK))
 
 
+def release_factors(histories):
+    """Return the factors of half-plane and layer in the release, of the least squares over some histories."""
+    known = turning.RELEASE_HALF_PLANE, turning.RELEASE_LAYER
+    rows = np.array([(1.0, each.front) for each in histories])
+    ratios = np.array([each.release / release(each) for each in histories])
+    return np.linalg.lstsq(rows, rows @ known * ratios)[0]
+
+
 def main(names=tuple(CASES), edges=EDGES, increments=6):
     """Return histories by case and edge, the constants that fit those of the fitted cases, and peaks behind springs."""
     histories = {(name, edge): history(name, edge, increments) for name in names for edge in edges}
@@ -210,6 +220,9 @@ def show(histories, values, drives):
         lengths = f"{release(each):.4f}/{each.release:.4f}"
         print("".join(line), *("{:.3f}/{:.3f}".format(*end) for end in ends), lengths, sep=" ")
     print("* held out; refitted to the others:", *(f"{n} {v:.3g}" for n, v in zip(CONSTANTS, values, strict=True)))
+    fitted = [each for (name, _), each in histories.items() if CASES[name].fitted]
+    if fitted:
+        print("release: half-plane {:.2f}, layer {:.2f}".format(*release_factors(fitted)))
     print(f"\n{'peaks behind springs, %':<27}{'force':>10}{'power':>16}{'with a step':>18}")
     for (name, edge), (formula, step, found) in drives.items():
         errors = 100 * (np.array([formula, step]) / found - 1)
