@@ -44,7 +44,7 @@ def film(reversal):
 
 @pytest.mark.slow
 def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
-    """With 6 elements: force 0.029 rms, load 0.030; a layer of the same wave climbs earlier, 0.108 rms."""
+    """With 6 elements: force 0.029 rms, load 0.034; a layer of the same wave climbs earlier, 0.098 rms."""
     force, load = reversal.residuals(film, reversal.told())
     assert np.sqrt(np.mean(force**2)) < 0.035
     assert np.sqrt(np.mean(load**2)) < 0.04
@@ -96,10 +96,11 @@ def test_old_front_is_met_where_it_was_left(reversal):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["shallow", "denser"])
 def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, name):
-    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 5.8 %; a step is 70 and 42 % off."""
+    """Six laws behind 1 and 3 MN/m: force 3.5 %, power 2.6 %; a step is 71 and 36 % off at least."""
     found = request.getfixturevalue({"shallow": "shallow", "denser": "film"}[name])
     formula, step, history = reversal.drive_peaks(name, found)
     force, power = np.abs(formula / history - 1).max(axis=1)
-    assert force < 0.06
-    assert power < 0.10
-    assert np.abs(step / history - 1).max() > 0.4
+    assert max(force, power) < 0.06
+    force, power = np.abs(step / history - 1).max(axis=1)
+    assert force > 0.6
+    assert power > 0.3

@@ -23,6 +23,7 @@ from compact.resistance import dry_resistance, tabulated_resistance
 from compact.turning import StrokeResistance, table_share
 
 LENGTH, DEPTH, RELEASE = 0.0215, 2.1e-3, 0.17e-3  # of the contact [m]
+SLOW_RELEASE = 0.014 * LENGTH  # [m], of an imprint, with which one drive has no periodic regime
 STROKE, DURATION = 0.4, 0.889
 DRY = dry_resistance(SIZE)
 MAP = tabulated_resistance((0.01, 0.1, 0.4, 2.0), (2.2e3, 3.0e3, 3.3e3, 3.4e3), (-30.0, -10.0, -5.0, -1.0), 0.05)
@@ -33,7 +34,7 @@ def wave(edge, bow_wave=1.21 * DEPTH):
 
 
 def imprint(edge, exponent=0.7):
-    return turning.imprint_shares(LENGTH, exponent, 0.014 * LENGTH, edge)
+    return turning.imprint_shares(LENGTH, exponent, SLOW_RELEASE, edge)
 
 
 def table(*rows):
