@@ -118,7 +118,7 @@ def _collocate(cart, state, within, h, step, mix):
     """Fill in e, e', e'' and both shares at the nodes of a step of h [s] of a sliding cart, and the force of the mix.
 
     The unknowns are e'' at all nodes; the first iteration takes the resistance as linear about the start. Returns true
-    for a converged solution. Iterations whose residual grows have failed: where they lead hangs on rounding.
+    for a converged solution. Iterations whose residual grows have failed: where they end depends on rounding.
     """
     n, flank, zone, limit = ORDER + 1, state[FLANK], state[ZONE], NEWTON_TOLERANCE * cart.tolerance
     matrix, gap, slopes, worst = np.empty((n, n)), np.empty(n), np.empty((2, n)), np.inf
