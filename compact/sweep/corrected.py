@@ -6,8 +6,9 @@
 
 The engine "compaction" takes seconds for a point, "column" milliseconds. Their ratio is smooth over the parameters: a
 response surface of its logarithm interpolates it, with a leave-one-out error that is added to that of the engine. Its
-coordinates are the parameters, scaled to 0 ... 1 over the sweep. Chosen points that the engine refuses are replaced by
-others and are not part of the surface; points beyond the hull of those that it solved have no result.
+coordinates are the parameters, scaled to 0 ... 1 over the sweep. The chosen points fill the space evenly. Those that
+the engine refuses are replaced by others once and are not part of the surface; points beyond those that it solved have
+no result.
 
 Keys with words, such as layer.base, divide the sweep into parts with one surface each. The chosen points are divided
 into connected parts, each a task, in which a point starts from the nearest contact. This division does not depend on
@@ -17,19 +18,18 @@ References
 ----------
 M. C. Kennedy, A. O'Hagan, Predicting the output from a complex computer code when fast approximations are available,
 Biometrika 87, 2000. T. F. Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput. Sci. 38,
-1985, of the farthest-point design. R. D. Cook, Influential observations in linear regression, J. Am. Stat. Assoc. 74,
-1979, of the hull by leverage.
+1985, of the farthest-point design.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from math import ceil
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
+from scipy.optimize import nnls
 from scipy.spatial.distance import cdist
 
-from compact.analysis.stages.ensemble import Share, polynomial_terms
+from compact.analysis.stages.ensemble import Share
 from compact.engines import ENGINES
 from compact.numerics import Array, BoolArray
 from compact.quantities import SWEEP_CORRECTION
@@ -38,20 +38,16 @@ from compact.sweep.design import Axis, Sampled
 from compact.sweep.run import Evaluate, Results, Sweep, described, in_parts
 
 ALL = "all"
-ROUNDS = 3  # [-], of chosen points; the second refines the surface, and later ones replace points without a result
-FIRST_SHARE = 2 / 3  # [-], of the chosen points that fill the space evenly
+ROUNDS = 2  # [-], of chosen points; the second replaces points without a result
 FORCES = ("load", "resistance")  # with an error estimate
 CORRECTED = (*FORCES, "capture_angle", "contact_length", "peak_pressure", "exit_density_ratio")
 ORIGIN = "two_dimensions"
 ORIGIN_MEANING = "solved or refused by the engine at this point; empty for columns that a response surface corrects"
-POINTS_PER_COEFFICIENT = 3  # [-], default number of chosen points over the coefficients of a quadratic surface
+POINTS_PER_COEFFICIENT = 3  # [-], default number of chosen points over the coefficients of a quadratic polynomial
 PART_SIZE = 6  # [-], largest number of points in one part
-MIN_WEIGHT = 0.1  # [-], least weight over the largest
-MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points is computed
 DECIMALS = 9  # [-], of distances; nearer points are equal
-ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
+TOLERANCE = 1e-8  # [-], of coordinates
 COVERAGE = 2.0  # [-], error estimate over the rms of the leave-one-out errors; about 95 % of normal errors
-DEGREES = {"linear": 1, "quadratic": 2}  # of the polynomial below a spline
 
 
 def create_sweep(
@@ -67,7 +63,7 @@ def create_sweep(
     Parameters
     ----------
     direct : int or "all", optional
-        Number of points that the engine computes itself; by default as many as a quadratic surface requires thrice.
+        Number of points that the engine computes itself; by default thrice the coefficients of a quadratic polynomial.
 
     Raises
     ------
@@ -129,25 +125,73 @@ class CorrectedSweep(Sweep):
         return places if places.size else np.zeros((self.size, 1)), list(groups.values())
 
     def _results(self, evaluated: Evaluate) -> dict[int, Results]:
-        """Return the results of all points: columns, chosen points, and the correction.
-
-        Chosen points without a result are replaced by others.
-        """
+        """Return the results of all points: columns, chosen points, and the correction."""
         changes = self.design.changes
         coarse = [change._replace(keys={**change.keys, **self._accepted(change.keys)}) for change in changes]
         groups = in_parts(range(self.size), ENGINES[self.low_fidelity].points_per_task)
         columns = evaluated(coarse, groups=groups, step=lambda *_: None)
         exact: dict[int, Results] = {}
         for _ in range(ROUNDS):
-            chosen = [each.further(self.direct) for each in self._corrections(columns, exact)]
+            chosen = [self._further(group, columns, exact) for group in self.groups]
             parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
             exact |= evaluated(changes, groups=parts, places=self.places)
-        corrections = self._corrections(columns, exact)
-        self.notes = tuple(each.note for each in corrections)
-        return {number: result for each in corrections for number, result in each.results().items()}
+        found, notes = zip(*(self._corrected(group, columns, exact) for group in self.groups), strict=True)
+        self.notes = notes
+        return {number: result for each in found for number, result in each.items()}
 
-    def _corrections(self, columns: Mapping[int, Results], exact: Mapping[int, Results]) -> list["Correction"]:
-        return [Correction(self, group, columns, exact) for group in self.groups]
+    def _further(self, group: list[int], columns: Mapping[int, Results], exact: Mapping[int, Results]) -> list[int]:
+        """Return the next chosen points of a group; none where the engine refused all of the first round."""
+        able = [number for number in group if not columns[number].get("reason")]
+        taken = [i for i, number in enumerate(able) if number in exact]
+        solved = sum(not exact[able[i]].get("reason") for i in taken)
+        if taken and not solved:
+            return []
+        return [able[i] for i in choose_points(self.places[able], self.direct - solved, taken)]
+
+    def _corrected(
+        self, group: list[int], columns: Mapping[int, Results], exact: Mapping[int, Results]
+    ) -> tuple[dict[int, Results], str]:
+        """Return the results of all points of a group by their number, and words about the correction."""
+        able = [number for number in group if not columns[number].get("reason")]
+        chosen, rest = [n for n in able if n in exact], [n for n in able if n not in exact]
+        found = {number: columns[number] for number in group}
+        ratios: dict[int, list[float]] = {}  # of CORRECTED, at solved points
+        for number in chosen:
+            found[number] = exact[number] | {ORIGIN: "refused" if exact[number].get("reason") else "solved"}
+            pairs = ((exact[number].get(name, np.nan), columns[number].get(name, np.nan)) for name in CORRECTED)
+            factors = [fine / coarse if fine * coarse > 0 else np.nan for fine, coarse in pairs]
+            if np.isfinite(factors[: len(FORCES)]).all():
+                ratios[number] = factors
+                for name, factor in zip(FORCES, factors, strict=False):
+                    found[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
+
+        note = f"{len(ratios)} of {len(chosen)} chosen points have a result in two dimensions"
+        solved, places = self.places[list(ratios)], self.places[rest]
+        table = np.array(list(ratios.values()))
+        surface = fit_surface(solved, np.log(table))
+        if surface is None:
+            note += ", too few for a response surface; take a larger --direct, or all"
+            return found | {number: {"reason": note} for number in rest}, note
+        for name, low, high, error in zip(FORCES, table.min(axis=0), table.max(axis=0), surface.errors, strict=False):
+            note += f"; {name} {low:.3g} to {high:.3g} of columns, error of interpolation {error:.2%}"
+        inside = (inside_ellipsoid if self.design.names else inside_hull)(places, solved)
+        nearest = [exact[list(ratios)[i]] for i in distances(places, solved).argmin(axis=1)]
+        interpolated = np.exp(surface.values(places)).tolist()
+        for number, is_inside, near, factors in zip(rest, inside, nearest, interpolated, strict=True):
+            if not is_inside:
+                words = f"beyond the hull of the {len(ratios)} points with a result in two dimensions"
+                found[number] = {"reason": f"{words}, of {len(chosen)} chosen; --direct all computes this point"}
+                continue
+            column, factor = columns[number], dict(zip(CORRECTED, factors, strict=True))
+            result = column | {name: column[name] * factor[name] for name in CORRECTED if name in column}
+            result["resistance_coefficient"] = column["resistance_coefficient"] * factor["resistance"] / factor["load"]
+            result["power"] = column["power"] * factor["resistance"]
+            for name, error in zip(FORCES, surface.errors.tolist(), strict=False):
+                result |= {f"{name}_factor": factor[name], f"{name}_surface_error": error}
+                result[f"{name}_error"] = near[f"{name}_error"] + error
+            unknown = {"work_residual": np.nan, "mass_residual": np.nan, "replaced": near.get("replaced", "")}
+            found[number] = result | unknown
+        return found, note
 
     def _accepted(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
@@ -166,102 +210,6 @@ class CorrectedSweep(Sweep):
 
     def _attributes(self) -> dict[str, str]:
         return super()._attributes() | {"correction": "\n".join(self.notes)}
-
-
-class Correction:
-    """Correction of the columns of a group of points by those with a result in two dimensions.
-
-    Parameters
-    ----------
-    group : list of int
-        Numbers of the points.
-    columns : mapping
-        Results of the engine of low fidelity at all points by their number.
-    exact : mapping
-        Results at the chosen points by their number.
-    """
-
-    def __init__(
-        self, sweep: CorrectedSweep, group: list[int], columns: Mapping[int, Results], exact: Mapping[int, Results]
-    ) -> None:
-        self.places, self.convex, self.group = sweep.places, not sweep.design.names, group
-        self.columns, self.exact = columns, exact
-        self.able = [number for number in group if not columns[number].get("reason")]
-        self.chosen = [number for number in self.able if number in exact]
-        fine, coarse = (
-            np.array([[results[number].get(name, np.nan) for number in self.chosen] for name in CORRECTED])
-            for results in (exact, columns)
-        )
-        ratios = np.divide(fine, coarse, out=np.full(fine.shape, np.nan), where=fine * coarse > 0)
-        has_forces = np.isfinite(ratios[: len(FORCES)]).all(axis=0)
-        self.solved = [number for number, is_solved in zip(self.chosen, has_forces, strict=True) if is_solved]
-        self.factors = dict(zip(CORRECTED, ratios[:, has_forces], strict=True))
-        self.surfaces: dict[str, Surface] = {}
-        for name, column in self.factors.items():
-            if np.isfinite(column).all() and (surface := fit_surface(self.places[self.solved], np.log(column))):
-                self.surfaces[name] = surface
-
-    @property
-    def note(self) -> str:
-        """Numbers of points, and range, kind and error of the surfaces of the forces."""
-        counts = f"{len(self.solved)} of {len(self.chosen)} chosen points have a result in two dimensions"
-        if not set(FORCES) <= set(self.surfaces):
-            return f"{counts}, too few for a response surface; take a larger --direct, or all"
-        for name in FORCES:
-            surface, column = self.surfaces[name], self.factors[name]
-            span = f"{column.min():.3g} to {column.max():.3g} of columns"
-            error = f"error of interpolation {surface.error:.2%}, over a {surface.kind} polynomial"
-            counts += f"; {name} {span}, {error}"
-        return counts
-
-    def further(self, count: int) -> list[int]:
-        """Return the next chosen points, of a number in all: first evenly, then by the error."""
-        if self.chosen and not self.solved:
-            return []
-        places, taken = self.places[self.able], [i for i, number in enumerate(self.able) if number in self.exact]
-        weights: Any = 1.0
-        if "resistance" in self.surfaces:  # the leave-one-out error at the nearest solved point, within a factor of ten
-            sizes = np.abs(self.surfaces["resistance"].residuals)
-            sizes = np.maximum(sizes, max(MIN_WEIGHT * sizes.max(), ROUNDING))
-            weights = sizes[distances(places, self.places[self.solved]).argmin(axis=1)]
-        wanted = count - len(self.solved) if taken else ceil(FIRST_SHARE * count)
-        return [self.able[i] for i in choose_points(places, wanted, taken, weights)]
-
-    def results(self) -> dict[int, Results]:
-        """Return the results of all points of the group by their number."""
-        found = {number: self.columns[number] for number in self.group}
-        for number in self.chosen:
-            result = self.exact[number]
-            found[number] = result | {ORIGIN: "refused" if result.get("reason") else "solved"}
-        for name in FORCES:
-            for number, factor in zip(self.solved, self.factors[name].tolist(), strict=True):
-                found[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
-        rest = [number for number in self.able if number not in self.exact]
-        if not rest or not set(FORCES) <= set(self.surfaces):
-            return found | {number: {"reason": self.note} for number in rest}
-        reason = (
-            f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
-            f"{len(self.chosen)} chosen; --direct all computes this point"
-        )
-        places, solved = self.places[rest], self.places[self.solved]
-        inside, nearest = inside_hull(places, solved, self.convex), distances(places, solved).argmin(axis=1)
-        factors = {name: np.exp(surface(places)).tolist() for name, surface in self.surfaces.items()}
-        for i, number in enumerate(rest):
-            factor = dict.fromkeys(CORRECTED, np.nan) | {name: values[i] for name, values in factors.items()}
-            corrected = self._corrected(self.columns[number], factor, self.exact[self.solved[nearest[i]]])
-            found[number] = corrected if inside[i] else {"reason": reason}
-        return found
-
-    def _corrected(self, column: Results, factor: Mapping[str, float], nearest: Results) -> Results:
-        """Return the corrected results of columns, with the engine error of the nearest solved point."""
-        found = column | {name: column[name] * factor[name] for name in CORRECTED if name in column}
-        found["resistance_coefficient"] = column["resistance_coefficient"] * factor["resistance"] / factor["load"]
-        found["power"] = column["power"] * factor["resistance"]
-        for name in FORCES:
-            error = self.surfaces[name].error
-            found |= {f"{name}_factor": factor[name], f"{name}_surface_error": error}
-            found[f"{name}_error"] = nearest[f"{name}_error"] + error
-        return found | {"work_residual": np.nan, "mass_residual": np.nan, "replaced": nearest.get("replaced", "")}
 
 
 # choice of points
@@ -283,7 +231,7 @@ def default_count(parameters: int) -> int:
     return POINTS_PER_COEFFICIENT * (parameters + 1) * (parameters + 2) // 2
 
 
-def choose_points(places: Array, count: int, taken: Sequence[int] = (), weights: Array | float = 1.0) -> list[int]:
+def choose_points(places: Array, count: int, taken: Sequence[int] = ()) -> list[int]:
     """Choose points that fill the space: from the first one on, always the point farthest from all chosen ones.
 
     Parameters
@@ -294,8 +242,6 @@ def choose_points(places: Array, count: int, taken: Sequence[int] = (), weights:
         Number of further points.
     taken : sequence of int
         Numbers of the points that are chosen already.
-    weights : Array, shape (points,), optional
-        Factors of the distances, larger where more points are required [-].
 
     Returns
     -------
@@ -305,16 +251,13 @@ def choose_points(places: Array, count: int, taken: Sequence[int] = (), weights:
     chosen: list[int] = []
     distance = distances(places, places[list(taken)]).min(axis=1, initial=np.inf)
     while len(chosen) < count and distance.any():
-        chosen.append(int(np.argmax(distance * weights)))
+        chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, distances(places, places[chosen[-1:]])[:, 0])
     return chosen
 
 
 def connected_parts(places: Array, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
-    """Divide points into connected parts, each in an order of neighbours.
-
-    The points are bisected along their longest extent. A part begins next to its middle; each further point is the one
-    nearest to those before.
+    """Divide points into connected parts: bisect them along their longest extent, and order a part from its middle out.
 
     Parameters
     ----------
@@ -325,100 +268,66 @@ def connected_parts(places: Array, numbers: Sequence[int], size: int = PART_SIZE
     size : int
         Largest number of points of a part.
     """
+    if not numbers:
+        return []
     inside = places[list(numbers)]
-    if len(numbers) > size:
-        axis = int(np.argmax(np.ptp(inside, axis=0)))
-        order = [numbers[i] for i in np.lexsort((np.array(numbers), inside[:, axis]))]
-        half = (len(order) + 1) // 2
-        return [part for side in (order[:half], order[half:]) for part in connected_parts(places, side, size=size)]
-    left, ordered = sorted(numbers), list[int]()
-    while left:
-        before = places[ordered] if ordered else inside.mean(axis=0, keepdims=True)
-        ordered.append(left.pop(int(distances(places[left], before).min(axis=1).argmin())))
-    return [ordered] if ordered else []
+    if len(numbers) <= size:
+        outwards = distances(inside, inside.mean(axis=0, keepdims=True))[:, 0].argsort(kind="stable")
+        return [[numbers[i] for i in outwards]]
+    axis = int(np.argmax(np.ptp(inside, axis=0)))
+    order = [numbers[i] for i in np.lexsort((np.array(numbers), inside[:, axis]))]
+    half = (len(order) + 1) // 2
+    return [part for side in (order[:half], order[half:]) for part in connected_parts(places, side, size=size)]
 
 
 # response surfaces
 
 
 class Surface(NamedTuple):
-    """Response surface with its leave-one-out errors.
+    """Thin-plate spline over a linear polynomial, of one or several quantities.
 
     Parameters
     ----------
-    kind : str
-        Name of the model.
-    residuals : Array
-        Error at each point of the surface that is fitted to all others [-].
-    model : callable
-        Values [-], shape (points,), at coordinates of shape (points, parameters).
+    values : callable
+        Values [-], shape (points, quantities), at coordinates of shape (points, parameters).
+    errors : Array
+        Estimated errors: COVERAGE times the rms of the leave-one-out errors [-].
     """
 
-    kind: str
-    residuals: Array
-    model: Callable[[Array], Array]
-
-    @property
-    def error(self) -> float:
-        """Estimated error: COVERAGE times the rms of the leave-one-out errors [-]."""
-        return COVERAGE * float(np.sqrt(np.mean(self.residuals**2)))
-
-    def __call__(self, places: Array) -> Array:
-        """Return the values at coordinates [-], shape (points,)."""
-        return self.model(places)
+    values: RBFInterpolator
+    errors: Array
 
 
 def fit_surface(places: Array, values: Array) -> Surface | None:
-    """Fit a thin-plate spline over the polynomial with the least leave-one-out error.
-
-    Parameters
-    ----------
-    places : Array, shape (points, parameters)
-        Coordinates [-].
-    values : Array, shape (points,)
-        Values [-].
+    """Fit response surfaces to values [-], shape (points, quantities), at coordinates of shape (points, parameters).
 
     Returns
     -------
     Surface or None
-        None if the points are too few for any surface.
+        None if the points are too few, or on a line. A quantity with a value that is nan has none elsewhere.
     """
-    found: list[Surface] = []
-    others = ~np.eye(len(places), dtype=bool)
-    for kind, degree in DEGREES.items():
-        if len(places) < polynomial_terms(places, degree).shape[1] + 2:
-            continue  # a surface without one point would not be overdetermined
-        try:
-            without = [RBFInterpolator(places[rest], values[rest], degree=degree) for rest in others]
-            left = np.array([each(places[i : i + 1])[0] for i, each in enumerate(without)])
-            found.append(Surface(kind, values - left, RBFInterpolator(places, values, degree=degree)))
-        except np.linalg.LinAlgError:  # points on a line, without one of them
-            continue
-    return min(found, key=lambda surface: surface.error, default=None)
-
-
-def inside_hull(places: Array, solved: Array, convex: bool) -> BoolArray:
-    """Return which places a surface through solved points interpolates.
-
-    Parameters
-    ----------
-    places, solved : Array, shape (points, parameters)
-        Coordinates [-].
-    convex : bool
-        True for the convex hull. False for the hull by leverage: the ellipsoid of the linear regression through the
-        outermost solved point, for samples, most of which are outside the convex hull of a few of them.
-    """
-    from scipy.spatial import Delaunay, QhullError
-
-    parameters = solved.shape[1]
-    if not convex or parameters > MAX_CONVEX:
-        terms = polynomial_terms(solved, 1)
-        inverse = np.linalg.pinv(terms.T @ terms)
-        leverage = [np.einsum("ij,jk,ik->i", rows, inverse, rows) for rows in (polynomial_terms(places, 1), terms)]
-        return leverage[0] <= leverage[1].max() + ROUNDING
-    if parameters == 1:
-        return (places[:, 0] >= solved.min() - ROUNDING) & (places[:, 0] <= solved.max() + ROUNDING)
+    if len(places) < places.shape[1] + 3:
+        return None  # a surface without one point would not be overdetermined
     try:
-        return Delaunay(solved).find_simplex(places, tol=ROUNDING) >= 0
-    except (QhullError, ValueError):  # solved points on a line
-        return np.zeros(len(places), dtype=bool)
+        surface = RBFInterpolator(places, values)
+        others = ~np.eye(len(places), dtype=bool)
+        left = np.vstack([RBFInterpolator(places[rest], values[rest])(places[~rest]) for rest in others])
+    except np.linalg.LinAlgError:
+        return None
+    return Surface(surface, COVERAGE * np.sqrt(np.mean((values - left) ** 2, axis=0)))
+
+
+def inside_hull(places: Array, solved: Array) -> BoolArray:
+    """Return which places are in the convex hull of the solved points: means of these, with weights of at least 0."""
+    corners = np.column_stack([solved, np.ones(len(solved))]).T
+    return np.array([nnls(corners, [*place, 1.0])[1] <= TOLERANCE for place in places])
+
+
+def inside_ellipsoid(places: Array, solved: Array) -> BoolArray:
+    """Return which places have at most the Mahalanobis distance of the outermost solved point from the mean of all.
+
+    For samples, most of which are outside the convex hull of a few of them.
+    """
+    centre, inverse = solved.mean(axis=0, keepdims=True), np.linalg.pinv(np.atleast_2d(np.cov(solved.T)))
+    far, known = (cdist(each, centre, "mahalanobis", VI=inverse)[:, 0] for each in (places, solved))
+    return far <= known.max() + TOLERANCE

@@ -1,12 +1,11 @@
-"""Sobol indices of first order and in total, with bootstrap confidence intervals.
+"""Sobol indices of first order and in total of a sweep, by `scipy.stats.sobol_indices`.
 
     S_i = E[f_B (f_ABi - f_A)] / V,    T_i = E[(f_A - f_ABi)^2] / 2V,    V = Var f
 
 f_A and f_B are values at two independent samples, f_ABi at A with the i-th input from B. S_i is the share of the
 variance that input i explains alone, T_i the share that remains if all other inputs are known. The confidence interval
-is a bootstrap over the n rows, which for Sobol points overestimates the error.
-
-`scipy.stats.sobol_indices` has the same estimators, for powers of two only; here rows with a failed point are omitted.
+is a bootstrap over the rows, which for Sobol points overestimates the error. Rows with a failed point are omitted, and
+the others are cut to a power of two.
 
 References
 ----------
@@ -19,16 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array, IntArray
-from compact.numerics.validation import require_finite
 
 if TYPE_CHECKING:
     import xarray
 
 QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")  # with indices in a sweep
 BOOTSTRAPS = 1000
-CONFIDENCE = 0.95  # [-], level of the intervals
 LEAST_ROWS = 16  # without failed point; with fewer the indices are not estimated
-SPREAD_ROUNDING = 1e-12  # [-], of the mean; a smaller spread counts as zero
+SPREAD_ROUNDING = 1e-12  # [-], of the largest value; a smaller spread counts as zero
 SEED = 2015  # of the bootstrap
 
 
@@ -38,9 +35,9 @@ class Index(NamedTuple):
     Parameters
     ----------
     first, first_low, first_high : float
-        Index of first order and its confidence interval [-].
+        Index of first order and its 95 % confidence interval [-].
     total, total_low, total_high : float
-        Total index and its confidence interval [-].
+        Total index and its 95 % confidence interval [-].
     rows : int
         Number of rows.
     """
@@ -57,50 +54,40 @@ class Index(NamedTuple):
 SobolTable = dict[str, dict[str, Index]]  # by quantity and input
 
 
-def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> list[Index]:
+def indices(values: ArrayLike) -> list[Index]:
     """Estimate the Sobol indices of a quantity for each input; a constant quantity has indices of 0.
 
     Parameters
     ----------
-    at_first, at_second : array_like, shape (n,)
-        Values f_A and f_B.
-    at_mixed : array_like, shape (inputs, n)
-        Values f_AB.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than LEAST_ROWS rows.
+    values : array_like, shape (2 + inputs, rows)
+        f_A, f_B, and f_AB of each input; the number of rows is a power of two.
 
     Examples
     --------
     >>> A, B = np.random.default_rng(1).random((2, 2, 4096))
     >>> def line(x, y):
     ...     return 2 * x + y
-    >>> found = indices(line(*A), line(*B), np.array([line(B[0], A[1]), line(A[0], B[1])]))
+    >>> found = indices([line(*A), line(*B), line(B[0], A[1]), line(A[0], B[1])])
     >>> [round(each.first, 1) for each in found]  # of variances 4 and 1
     [0.8, 0.2]
     """
-    require_finite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
-    values = np.vstack([at_first, at_second, at_mixed]).astype(float)
+    from scipy.stats import bootstrap, sobol_indices
+
+    values = np.asarray(values, dtype=float)
     inputs, n = len(values) - 2, values.shape[1]
-    if n < LEAST_ROWS:
-        raise ValueError(f"Sobol indices need {LEAST_ROWS} rows without a failure, got {n}; take a larger sample")
-    middle = np.mean(values[:2])  # subtracted, as the errors of the estimators grow with the mean
-    values -= middle
-    if np.ptp(values[:2], axis=1).max() <= SPREAD_ROUNDING * abs(middle):
+    if np.ptp(values[:2]) <= SPREAD_ROUNDING * np.abs(values).max():
         return [Index(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, n)] * inputs
+    f_A, f_B = values[:2]
+    f_AB = np.vstack([values[2:], f_A])  # an input without influence is added, as scipy does not take a single one
 
-    def estimate(rows: IntArray | slice) -> Array:
+    def estimate(rows: IntArray) -> Array:
         """Return S and T, shape (2, inputs)."""
-        f_A, f_B, *f_AB = values[:, rows]
-        variance = np.var(np.concatenate([f_A, f_B]))
-        return np.array([np.mean(f_B * (f_AB - f_A), axis=-1), np.mean((f_A - f_AB) ** 2, axis=-1) / 2]) / variance
+        found = sobol_indices(func={"f_A": f_A[None, rows], "f_B": f_B[None, rows], "f_AB": f_AB[:, None, rows]}, n=n)
+        return np.array([found.first_order, found.total_order])[:, :-1]
 
-    drawn = np.random.default_rng(SEED).integers(n, size=(BOOTSTRAPS, n))
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile([estimate(rows) for rows in drawn], [tail, 1 - tail], axis=0)
-    found = np.stack([estimate(slice(None)), low, high], axis=1)  # order, estimate and bounds, input
+    rows, options = np.arange(n), {"n_resamples": BOOTSTRAPS, "vectorized": False, "method": "percentile", "rng": SEED}
+    low, high = bootstrap([rows], estimate, **options).confidence_interval
+    found = np.stack([estimate(rows), low, high], axis=1)  # order, estimate and bounds, input
     return [Index._make([*each, n]) for each in found.reshape(6, inputs).T.tolist()]
 
 
@@ -121,5 +108,6 @@ def of_table(table: "xarray.Dataset") -> SobolTable:
         rows = np.array([table[quantity].values[parts == part] for part in names])
         rows = rows[:, np.isfinite(rows).all(axis=0)]
         if rows.shape[1] >= LEAST_ROWS:
-            found[quantity] = dict(zip(names[2:], indices(rows[0], rows[1], rows[2:]), strict=True))
+            power_of_two = 1 << (rows.shape[1].bit_length() - 1)
+            found[quantity] = dict(zip(names[2:], indices(rows[:, :power_of_two]), strict=True))
     return found

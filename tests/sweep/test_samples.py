@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import qmc, sobol_indices
+from scipy.stats import qmc
 
 from compact.material import mix
 from compact.scene.loader import load_scene
@@ -30,12 +30,12 @@ def rows(function, inputs, n, low=0.0, high=1.0):
     shares = low + (high - low) * qmc.Sobol(2 * inputs, seed=1).random(n)
     A, B = shares[:, :inputs].T, shares[:, inputs:].T
     mixed = [np.where(np.arange(inputs)[:, None] == i, B, A) for i in range(inputs)]
-    return function(A), function(B), np.array([function(x) for x in mixed])
+    return [function(A), function(B), *(function(x) for x in mixed)]
 
 
-def estimated(*values):
+def estimated(values):
     """Indices with arrays over the inputs."""
-    return Index(*np.array(indices(*values)).T)
+    return Index(*np.array(indices(values)).T)
 
 
 def is_covered(found, first, total):
@@ -48,7 +48,7 @@ def is_covered(found, first, total):
 
 
 def test_ishigami_lies_within_confidence_bounds_that_narrow_with_the_root_of_the_rows():
-    found = {n: estimated(*rows(ishigami, 3, n, -np.pi, np.pi)) for n in (256, 1024, 4096)}
+    found = {n: estimated(rows(ishigami, 3, n, -np.pi, np.pi)) for n in (256, 1024, 4096)}
     assert all(is_covered(each, *ishigami_indices()) for each in found.values())
     wide, narrow = (found[n].first_high - found[n].first_low for n in (256, 4096))
     assert narrow == pytest.approx(wide / 4, rel=0.25)
@@ -60,16 +60,17 @@ def test_product_has_its_closed_form():
     shares = np.array([1.0, 0.5, 0.2])
     parts = shares**2 / 3
     variance = np.prod(1 + parts) - 1
-    found = estimated(*rows(lambda x: np.prod(1 + shares[:, None] * (2 * x - 1), axis=0), 3, 2048))
+    found = estimated(rows(lambda x: np.prod(1 + shares[:, None] * (2 * x - 1), axis=0), 3, 2048))
     assert is_covered(found, parts / variance, parts * np.prod(1 + parts) / (1 + parts) / variance)
 
 
-def test_estimates_are_those_of_scipy():
-    f_A, f_B, f_AB = rows(ishigami, 3, 128, -np.pi, np.pi)
-    library = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=128)
-    found = estimated(f_A, f_B, f_AB)
-    assert found.first == pytest.approx(library.first_order, abs=1e-12)
-    assert found.total == pytest.approx(library.total_order, abs=1e-12)
+def test_an_input_of_no_influence_and_a_single_one():
+    f_A, f_B, first, *_ = rows(lambda x: x[0], 2, 128)
+    explained, none = indices([f_A, f_B, first, f_A])
+    assert none[:6] == pytest.approx(np.zeros(6), abs=1e-12)
+    assert indices([f_A, f_B, first]) == [explained]
+    assert explained.first == pytest.approx(1.0, abs=0.03)
+    assert indices(np.full((3, 16), 0.1)) == [(0.0,) * 6 + (16,)]
 
 
 # ---- Design of a sweep: grids, lists and samples; refusals before any computation

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from itertools import combinations_with_replacement, zip_longest
+from itertools import zip_longest
 from math import dist
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -334,10 +334,3 @@ def first_law(values: Mapping[str, float]) -> str:
     """Name the law of the least value, the first of equals; empty without a finite value."""
     finite = {law: value for law, value in values.items() if np.isfinite(value)}
     return list(finite)[first_of(list(finite.values()))] if finite else ""
-
-
-def polynomial_terms(points: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
-    """Return the products of up to `degree` coordinates: the terms of a response surface, shape (points, terms)."""
-    factors = np.column_stack([np.ones(len(points)), points])
-    columns: Sequence[Any] = list(combinations_with_replacement(range(factors.shape[1]), degree))
-    return np.column_stack([np.prod(factors[:, list(each)], axis=1) for each in columns])

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages
-from compact.analysis.stages.ensemble import Change, Peaks, drive_peaks, ensemble, first_law, polynomial_terms
+from compact.analysis.stages.ensemble import Change, Peaks, drive_peaks, ensemble, first_law
 from compact.analysis.stages.pooled_peaks import PooledLaws
 from compact.analysis.stages.resistance import along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
@@ -390,7 +390,7 @@ def mix_spread(
         return None
     found = forces[1:] / forces[0]
     known = found > 0  # nan without a solution
-    terms, logs = polynomial_terms(2 * sampled[known] - 1, 2), np.log(found[known])
+    terms, logs = quadratic_terms(sampled[known]), np.log(found[known])
     if known.sum() <= terms.shape[1]:
         return None
     coefficients = np.linalg.lstsq(terms, logs, rcond=None)[0]
@@ -399,6 +399,13 @@ def mix_spread(
     if process is None:
         band = tuple(np.nanquantile(loads[1:] / loads[0], BAND).tolist())
     return MixSpread(least, largest, fit, ranges, {}, tuple(coefficients.tolist()), band)
+
+
+def quadratic_terms(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the products of two of 1 and the shares scaled to -1 ... 1, shape (points, terms)."""
+    factors = np.column_stack([np.ones(len(shares)), 2 * shares - 1])
+    first, second = np.triu_indices(factors.shape[1])
+    return factors[:, first] * factors[:, second]
 
 
 def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> dict[str, float]:
@@ -441,7 +448,7 @@ def _shares(mix: MixSpread, peaks: NDArray[np.float64]) -> dict[str, float]:
     coefficients, finite = np.array(mix.coefficients), peaks[:, np.isfinite(peaks[1])]
 
     def peak(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.interp(np.exp(polynomial_terms(2 * shares.T - 1, 2) @ coefficients), *finite)
+        return np.interp(np.exp(quadratic_terms(shares.T) @ coefficients), *finite)
 
     found = sobol_indices(func=peak, n=SOBOL_SAMPLES, dists=[uniform()] * len(mix.ranges), rng=SEED)
     return dict(zip(mix.ranges, map(float, found.total_order), strict=True))
