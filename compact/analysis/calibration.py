@@ -18,6 +18,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from scipy.special import expit, logit
 from scipy.stats import t as student
 
 from compact.analysis.contact_cases import case_of, on_roller, roll_scene, scene_mix
@@ -32,7 +33,6 @@ from compact.scene.loader import Scene, SceneError
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 CONFIDENCE = 0.95  # [-], of the ± of a stiffness and a damping, by Student's t
-BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
 LOOSE = mix.LOOSE_DENSITY_RATIO
 ASSUMED = ("friction_angle", "cohesion", "saturation_limit", "unloading_modulus", "poisson")  # of the mix, not fitted
 START_ANGLE = 0.17  # [rad], largest contact angle of the first trial of the finite elements
@@ -40,6 +40,7 @@ PLANE_STRAIN_FACTOR = 2.8  # [-], approximate load of the finite elements there 
 COARSE_INCREMENTS = 4  # of the first fit
 STEADY_TOLERANCE = 1e-3  # [-], of the two forces, in incremental rolling
 BEYOND_COLUMNS = tuple(f"mix.overrides.{name}" for name in ASSUMED[:3])  # on which the column model hardly depends
+BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
 START_LOGIT = 0.4  # [-], logit of the initial density ratio between loose and required, 0.94 for 0.98
 
 
@@ -95,11 +96,12 @@ class Calibration:
     @cached_property
     def refits(self) -> tuple[Refit, ...]:
         """Parameters at every bound of data and assumptions, by fits of the corrected column model."""
-        model, spreads, found = self.model, (scene_mix(self.model.scene).parameter(name) for name in ASSUMED), []
+        model, known, found = self.model, scene_mix(self.model.scene), []
         for i, (name, band) in enumerate(model.data):
             for bound in {band.low, band.high} - {band.value}:
                 found.append(self._refit(name, bound, {}, [*model.values[:i], bound, *model.values[i + 1 :]]))
-        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
+        spreads = {f"mix.overrides.{name}": known.parameter(name) for name in ASSUMED}
+        assumed = {key: (each.low, each.high) for key, each in spreads.items() if each.low < each.high}
         for key, bounds in (assumed | model.measured.assumptions).items():
             found += [self._refit(key, bound, {key: bound}, model.values) for bound in bounds]
         return tuple(found)
@@ -194,17 +196,16 @@ def calibrate(
     if guess and (guess.elements is None or guess.model.unknowns != model.unknowns or len(guess.rolled) != count):
         fitted = f"has fitted {', '.join(unknowns)} to {count} measurements"
         raise ValueError(f"`initial_guess` must be a calibration of finite elements that {fitted}")
-    coarse: Calibration | None = None
-    elements, fine, start, correction = None, None, model.start, None
+    elements, fine, start, coarse = None, None, model.start, None
     rolled: dict[Any, ContactResult] = {}  # by finite elements, in the last trial
     if engine == "compaction":
         if guess is None and options.get("increments") != COARSE_INCREMENTS:
             guess = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
         elements = partial(_by_elements, options, rolled)
-        fine = partial(model.predicted, contact=elements)
-        start, correction = (guess.fit.unknowns, guess.fit.correction) if guess else (model.shallow_start, None)
+        fine, start = partial(model.predicted, contact=elements), guess.fit.unknowns if guess else model.shallow_start
+    correction = guess.fit.correction if guess else None
+    numerics: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
     try:
-        numerics: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
         fit = fit_parameters(model.predicted, model.values, start, fine, **numerics)
     except ValueError as error:
         of_trial = isinstance(error, SceneError) or "density_ratio" in str(error)
@@ -251,31 +252,29 @@ class _Model:
         """Values of the data."""
         return [band.value for _, band in self.data]
 
-    def logit(self, density_ratio: float) -> float:
-        """Return the logit of an initial density ratio; nan beyond loose and required."""
-        share = (density_ratio - LOOSE) / (self.scene.mix.density_ratio - LOOSE)
-        return float(np.log(share / (1 - share))) if 0 < share < 1 else np.nan
-
     @property
     def start(self) -> Array:
         """Unknowns of the scene."""
-        logit = self.logit(self.scene.layer.fed_density_ratio)
-        known = (np.log(scene_mix(self.scene).heckel_slope), START_LOGIT if np.isnan(logit) else logit)
-        return np.array([known[UNKNOWNS.index(name)] for name in self.unknowns])
+        share = (self.scene.layer.fed_density_ratio - LOOSE) / (self.scene.mix.density_ratio - LOOSE)
+        known = {
+            "heckel_slope": np.log(scene_mix(self.scene).heckel_slope),
+            "fed_density_ratio": logit(share) if 0 < share < 1 else START_LOGIT,
+        }
+        return np.array([known[name] for name in self.unknowns])
 
     @property
     def shallow_start(self) -> Array:
         """Unknowns of a small contact angle with about the load, for the first trial of the finite elements."""
-        start, names = dict(zip(self.unknowns, self.start, strict=True)), [name for name, _ in self.data]
-        if "fed_density_ratio" in start:
+        start, required, names = self.start, self.scene.mix.density_ratio, [name for name, _ in self.data]
+        if "fed_density_ratio" in self.unknowns:
             strain = START_ANGLE**2 * self.scene.machine.roller_radius / (2 * self.scene.lift_thickness)
-            least = self.logit(self.scene.mix.density_ratio * (1 - strain))
-            start["fed_density_ratio"] = np.fmax(start["fed_density_ratio"], least)
-        if "heckel_slope" in start and "load" in names:
+            at = self.unknowns.index("fed_density_ratio")
+            start[at] = np.fmax(start[at], logit((required * (1 - strain) - LOOSE) / (required - LOOSE)))
+        if "heckel_slope" in self.unknowns and "load" in names:
             load = names.index("load")
-            found = self.predicted(np.array(list(start.values())))[load]
-            start["heckel_slope"] += np.log(PLANE_STRAIN_FACTOR * found / self.values[load])
-        return np.array(list(start.values()))
+            ratio = self.predicted(start)[load] / self.values[load]
+            start[self.unknowns.index("heckel_slope")] += np.log(PLANE_STRAIN_FACTOR * ratio)
+        return start
 
     def scene_at(self, u: Array) -> Scene:
         """Return the scene with the unknowns `u`; the Heckel slope of a trial has no limits."""
@@ -285,8 +284,7 @@ class _Model:
             changes["mix.overrides.heckel_slope"] = float(np.exp(known["heckel_slope"]))
             changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")
         if "fed_density_ratio" in known:
-            share = 1 / (1 + np.exp(-known["fed_density_ratio"]))
-            changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) * share)
+            changes["layer.fed_density_ratio"] = LOOSE + (required - LOOSE) * float(expit(known["fed_density_ratio"]))
         return self.scene.replaced(**changes)
 
     def predicted(self, u: Array, contact: Contact = _column) -> Array:
@@ -364,21 +362,15 @@ def calibrate_drive(scene: Scene, measured: plant_data.Measured) -> dict[str, Es
     SceneError
         If the deflections do not determine a positive stiffness.
     """
-    mass, rates = scene.machine.mass, [each.natural_frequency for each in measured.taps]
-    found: dict[str, Estimate] = {}
-    if rates:
-        ratios = [each.damping_ratio for each in measured.taps]
-        found["stiffness"] = found["tapped_stiffness"] = _mean([mass * rate**2 for rate in rates])
-        found["damping"] = _mean([2 * ratio * rate * mass for ratio, rate in zip(ratios, rates, strict=True)])
-    if measured.deflections:
-        found |= _bent(measured.deflections)
-    if not 0 < found["stiffness"].value < np.inf:
-        words = "the readings have no positive slope; read force and deflection at two loads"
-        raise SceneError([f"drive.stiffness: {words}"])
-    return found
+    mass, found = scene.machine.mass, dict[str, Estimate]()
+    if measured.taps:
+        rates = np.array([tap.natural_frequency for tap in measured.taps])
+        found["stiffness"] = found["tapped_stiffness"] = _mean(mass * rates**2)
+        found["damping"] = _mean(2 * mass * rates * [tap.damping_ratio for tap in measured.taps])
+    return found | (_bent(measured.deflections) if measured.deflections else {})
 
 
-def _mean(values: Sequence[float]) -> Estimate:
+def _mean(values: Sequence[float] | Array) -> Estimate:
     """Return mean and standard error of repeated values."""
     freedom = len(values) - 1
     error = np.std(values, ddof=1) / np.sqrt(len(values)) if freedom else np.nan
@@ -388,22 +380,21 @@ def _mean(values: Sequence[float]) -> Estimate:
 def _bent(readings: Sequence[plant_data.Deflection]) -> dict[str, Estimate]:
     """Fit a line of deflection over force by least squares; stiffness, and backlash where both signs are read.
 
-    One reading has its zero at no deflection.
+    One reading has its zero at no deflection. SceneError if the deflections do not determine a positive stiffness.
     """
     force, deflection = np.array([(each.force, each.deflection) for each in readings]).T
     both = min(np.sum(force > 0), np.sum(force < 0)) >= 2  # so that slope and backlash are told apart
     columns = [force, np.ones_like(force), np.sign(force) / 2][: 3 if both else min(2, len(force))]
-    terms = np.column_stack(columns)
-    found, _, rank, _ = np.linalg.lstsq(terms / np.abs(terms).max(0), deflection)
-    if rank < len(columns):
-        return {"stiffness": Estimate(np.nan, np.nan, 0)}
-    found, freedom = found / np.abs(terms).max(0), len(force) - len(columns)
-    variance = np.sum((terms @ found - deflection) ** 2) / freedom if freedom else np.nan
+    terms, freedom = np.column_stack(columns), len(force) - len(columns)
+    (compliance, *others), _, rank, _ = np.linalg.lstsq(terms, deflection)
+    if rank < len(columns) or not compliance > 0:
+        words = "the readings have no positive slope; read force and deflection at two loads"
+        raise SceneError([f"drive.stiffness: {words}"])
+    residuals = terms @ [compliance, *others] - deflection
+    variance = residuals @ residuals / freedom if freedom else np.nan
     errors = np.sqrt(variance * np.diag(np.linalg.inv(terms.T @ terms)))
-    with np.errstate(divide="ignore"):
-        stiffness = 1 / found[0]
-    known = {"stiffness": Estimate(float(stiffness), float(errors[0] * stiffness**2), freedom)}
-    return known | ({"backlash": Estimate(float(found[2]), float(errors[2]), freedom)} if both else {})
+    found = {"stiffness": Estimate(float(1 / compliance), float(errors[0] / compliance**2), freedom)}
+    return found | ({"backlash": Estimate(float(others[1]), float(errors[2]), freedom)} if both else {})
 
 
 def with_scene_lines(lines: Iterable[str], values: Mapping[str, str]) -> str:

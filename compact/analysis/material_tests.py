@@ -33,14 +33,12 @@ STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
 AXIAL_INCREMENTS = np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2)  # [-], of the axial strain, first small
 LATERAL_SHARES = (0.125, 0.25)  # [-], lateral pressures of the biaxial tests over the pressure of the oedometer
-STRESS_TOLERANCE, OWN_TOLERANCE = 1e-9, 1e-8  # [-], of the lateral stress over the pressure; of own materials
-STRAIN_ROUNDING = 1e-15  # [-], of the last increment of a path to a pressure
-OWN_FIRST, LARGEST = 1e-6, 1e-2  # [-], first increment of own materials and largest one of a path to a pressure
+FIRST_STRAIN, LARGEST_STRAIN = 1e-6, 1.0  # [-], between which the strain of a step to a pressure is sought
+STRAIN_ROUNDING = 1e-18  # [-], of that strain
 VOLUME_LIMIT = 0.999  # [-], density ratio at which own materials end without reaching a pressure
-MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
-STIFFNESS_SHARE = 1e-4  # [-], least tangent of the lateral strain over that at rest
 LATERAL, AXIAL, TRANSVERSE, PLANE = 0, 1, 2, [0, 1, 3]  # components of x, y and z, and those of plane strain
 CONFINED, EQUAL = np.array([0.0, -1.0, 0.0, 0.0]), np.array([-1.0, -1.0, -1.0, 0.0])  # directions of strain
+ACROSS = np.array([-1.0, 0.0, 0.0, 0.0])
 
 
 class MaterialTest(NamedTuple):
@@ -126,7 +124,7 @@ class LaboratoryProgramme:
         confining, law = share * self.pressure, self.material
         if isinstance(law, Compaction):
             law = _update_of_mix(law, confining, self.specimens[specimen])
-        return StrainPath(law, specimen, self.pressure, confining, of_mix=law is not self.material)
+        return StrainPath(law, specimen, self.pressure, confining)
 
     @cached_property
     def tests(self) -> tuple[MaterialTest, ...]:
@@ -155,11 +153,11 @@ class LaboratoryProgramme:
         return float(test.lateral_stress[end] / test.axial_stress[end])
 
     def heckel_slope(self) -> float:
-        """Fit the slope of ln[1/(1 - k)] over s_v to the oedometer beyond half of its pressure [1/Pa]."""
+        """Fit the slope of ln[1/(1 - k)] over s_v to the oedometer beyond three quarters of its pressure [1/Pa]."""
         test = self.test("oedometer")
         end = int(test.axial_stress.argmax()) + 1
         stress, logarithm = test.axial_stress[:end], -np.log1p(-test.density_ratio[:end])
-        used = stress > stress[-1] / 2
+        used = stress > 0.75 * stress[-1]
         return float(np.polyfit(stress[used], logarithm[used], 1)[0])
 
     def mohr_coulomb(self, specimen: str) -> tuple[float, float]:
@@ -232,83 +230,59 @@ class StrainPath:
     specimen : str
         Name of the specimen.
     pressure : float
-        Largest pressure of the tests [Pa], to which tolerances refer.
+        Largest pressure of the tests [Pa].
     confining : float
         Lateral pressure [Pa].
-    of_mix : bool
-        State of a mix, a `MaterialPoint`, which has a density ratio without the elastic part of the volume.
     """
 
-    def __init__(self, law: StateUpdate, specimen: str, pressure: float, confining: float, of_mix: bool) -> None:
-        self.law, self.specimen, self.pressure, self.confining, self.of_mix = law, specimen, pressure, confining, of_mix
-        self.volume, self.guess = 0.0, 0.0  # strain of the volume, and lateral over axial strain at constant pressure
-        self.stress, self.state, self.tangent = law.advance(law.initial_state, np.zeros(4))
-        self.stiffness = float(self.tangent[LATERAL, LATERAL])  # at rest
-        self.rows = [self._row(0.0, 0.0)]
-        if self.axial_stress < confining:
-            self.compress(EQUAL, confining)
-            self.rows = [self._row(0.0, 0.0)]
-
-    def _row(self, axial: float, volume: float) -> tuple[float, ...]:
-        """Return axial and volume strain since the begin, stresses and density ratio."""
-        ratio = self.state.density_ratio[0] if self.of_mix else self.law.fed_density_ratio * np.exp(self.volume)
-        return axial, volume, *(-self.stress[[AXIAL, LATERAL, TRANSVERSE]]), float(ratio)
+    def __init__(self, law: StateUpdate, specimen: str, pressure: float, confining: float) -> None:
+        self.law, self.specimen, self.pressure, self.confining = law, specimen, pressure, confining
+        self.state, self.strain, self.part = law.initial_state, np.zeros(4), 0.0
+        self.rows: list[list[float]] = []
+        self.advance(np.zeros(4))
+        if self.rows[-1][2] < confining:
+            self.advance_to(confining, AXIAL, EQUAL)
+        self.rows = self.rows[-1:]
 
     def advance(self, strain: Array) -> None:
-        """Apply a strain increment."""
-        self.stress, self.state, self.tangent = self.law.advance(self.state, strain)
-        volume = -float(strain[:3].sum())
-        self.volume += volume
-        self.rows.append(self._row(self.rows[-1][0] - strain[AXIAL], self.rows[-1][1] + volume))
+        """Apply a strain increment; record axial and volume strain, stresses and density ratio."""
+        stress, self.state, _ = self.law.advance(self.state, strain)
+        self.strain = self.strain + strain
+        volume = -float(self.strain[:3].sum())
+        of_mix = isinstance(self.state, cap_plasticity.MaterialPoint)  # without the elastic part of the volume
+        ratio = self.state.density_ratio[0] if of_mix else self.law.fed_density_ratio * np.exp(volume)
+        self.rows.append([-self.strain[AXIAL], volume, *-stress[[AXIAL, LATERAL, TRANSVERSE]], ratio])
 
-    @property
-    def axial_stress(self) -> float:
-        """Axial stress [Pa]."""
-        return -float(self.stress[AXIAL])
+    def advance_to(self, pressure: float, component: int, direction: Array, strain: Array | float = 0.0) -> None:
+        """Apply a strain, and that part of a direction after which a stress is at a pressure [Pa].
 
-    def _approach(self, direction: Array, pressure: float, step: float) -> bool:
-        """Advance by a step in a direction, or by its part after which the axial stress equals a pressure [Pa].
-
-        Returns True for a part.
+        The stress rises with the part. The root is enclosed by steps from that of the increment before.
         """
 
         def excess(part: float) -> float:
-            return -float(self.law.advance(self.state, part * direction)[0][AXIAL]) - pressure
+            stress, *_ = self.law.advance(self.state, strain + part * direction)
+            return -float(stress[component]) - pressure
 
-        beyond = excess(step) * np.sign(step) > 0
-        if beyond:
-            step = float(brentq(excess, min(0.0, step), max(0.0, step), xtol=STRAIN_ROUNDING))
-        self.advance(step * direction)
-        return beyond
-
-    def compress(self, direction: Array, pressure: float) -> None:
-        """Strain in a direction until the axial stress equals a pressure [Pa]."""
-        step = -2 * np.log(self.law.fed_density_ratio) / STEPS if self.of_mix else OWN_FIRST
-        while (reached := self.axial_stress) < pressure:
-            if not self.of_mix and self.rows[-1][-1] > VOLUME_LIMIT:
-                raise RuntimeError(
-                    f"{self.law.name} bears {reached:.4g} Pa at full density; test it at a lower pressure"
-                )
-            if self._approach(direction, pressure, step):
-                return
-            step = min(LARGEST, step * (2.0 if self.axial_stress - reached < pressure / STEPS else 0.7))
+        start, now = self.part, excess(self.part)
+        step = -np.sign(now) * max(abs(start), FIRST_STRAIN)
+        while now * excess(start + step) > 0:
+            step *= 2
+            if abs(step) > LARGEST_STRAIN or self.rows[-1][-1] > VOLUME_LIMIT:
+                words = "before its pores close; test it at a lower pressure"
+                raise RuntimeError(f"{self.law.name} does not reach {pressure:.4g} Pa {words}")
+        self.part = float(brentq(excess, start, start + step, xtol=STRAIN_ROUNDING))
+        self.advance(strain + self.part * direction)
 
     def oedometer(self) -> MaterialTest:
         """Compress the point without lateral strain up to the pressure, and release it."""
-        self.compress(CONFINED, self.pressure)
-        while (stress := self.axial_stress) > 0:
-            step = -self.pressure / (STEPS // 4 - 1) / max(float(self.tangent[AXIAL, AXIAL]), self.stiffness)
-            if not np.isfinite(step) or step >= 0:
-                raise RuntimeError(f"the tangent of {self.law.name} in confined compression must be positive")
-            if self._approach(CONFINED, 0.0, step):
-                break
-            if self.axial_stress >= stress:
-                raise RuntimeError(f"{self.law.name} does not unload in confined compression")
+        for share in (*np.linspace(0, 1, STEPS + 1)[1:], *np.linspace(1, 0, STEPS // 4)[1:]):
+            self.advance_to(share * self.pressure, AXIAL, CONFINED)
         return self.test("oedometer")
 
     def isotropic(self) -> MaterialTest:
         """Compress the point by equal principal stresses up to the pressure."""
-        self.compress(EQUAL, self.pressure)
+        for share in np.linspace(0, 1, STEPS + 1)[1:]:
+            self.advance_to(share * self.pressure, AXIAL, EQUAL)
         return self.test("isotropic")
 
     def pure_shear(self) -> MaterialTest:
@@ -318,30 +292,14 @@ class StrainPath:
         return self.test("pure shear")
 
     def biaxial(self) -> MaterialTest:
-        """Compress the point along its axis at the confining pressure, up to the end of measured densities of a mix."""
+        """Compress the point along its axis at the confining pressure, up to the end of measured densities."""
         for axial in AXIAL_INCREMENTS.tolist():
-            self._advance_at_pressure(axial)
-            if self.of_mix and self.rows[-1][-1] > MEASURED_DENSITY_RATIO:
+            self.advance_to(self.confining, LATERAL, ACROSS, axial * CONFINED)
+            if self.rows[-1][-1] > MEASURED_DENSITY_RATIO:
                 break
         return self.test("biaxial" if self.confining else "unconfined")
 
-    def _advance_at_pressure(self, axial: float) -> None:
-        """Apply an axial compression at the confining pressure; Newton's method, safeguarded by bisection."""
-        low, high, lateral = -np.inf, np.inf, self.guess * axial
-        for _ in range(MAX_ITERATIONS):
-            strain = np.array([-lateral, -axial, 0.0, 0.0])
-            stress, _, tangent = self.law.advance(self.state, strain)
-            excess = -float(stress[LATERAL]) - self.confining
-            if abs(excess) < (STRESS_TOLERANCE if self.of_mix else OWN_TOLERANCE) * self.pressure:
-                self.guess = lateral / axial
-                self.advance(strain)
-                return
-            low, high = (low, lateral) if excess > 0 else (lateral, high)
-            lateral -= excess / max(float(tangent[LATERAL, LATERAL]), STIFFNESS_SHARE * self.stiffness)
-            if not low < lateral < high:
-                lateral = (low + high) / 2
-        raise RuntimeError(f"{self.law.name}: the lateral stress is {excess:.3g} Pa off after {MAX_ITERATIONS} steps")
-
     def test(self, name: str) -> MaterialTest:
-        """Return the test with this path."""
-        return MaterialTest(name, self.specimen, self.confining, *np.array(self.rows).T)
+        """Return the test with this path, its strains from the begin."""
+        axial, volume, *others = np.array(self.rows).T
+        return MaterialTest(name, self.specimen, self.confining, axial - axial[0], volume - volume[0], *others)
