@@ -328,7 +328,8 @@ def test_second_run_reuses_every_contact(left, written):
     assert json.loads((written / "summary.json").read_text())["contacts"] == summary["contacts"]
 
 
-def test_uncertainty_is_kept_for_the_same_scene_alone(tmp_path):
+def test_uncertainty_is_kept_for_the_same_scene_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("compact.analysis.stages.uncertainty.SAMPLES", 64)
     rolled = {
         "accuracy.engine": "column",
         "contact.speeds": [0.05, 0.2],
@@ -339,6 +340,7 @@ def test_uncertainty_is_kept_for_the_same_scene_alone(tmp_path):
     first, again = (Study(scene, directory=tmp_path) for _ in range(2))
     other = Study(scene.replaced(**{"machine.mass": 900.0}), directory=tmp_path)
     assert first.uncertainty is not None
+    monkeypatch.setattr("compact.analysis.stages.uncertainty.mix_spread", lambda *_: first.uncertainty.mix)
     list(first.keep(tmp_path, []))
     assert again.uncertainty == first.uncertainty != other.uncertainty
     assert [each.counts["uncertainty"] for each in (first, again, other)] == [1, 0, 1]

@@ -93,8 +93,9 @@ def collected(work, tasks, executor):
 
 @EXECUTORS
 def test_results_are_returned_in_any_order_and_again_and_errors_are_raised(create):
-    assert collected(square, list(range(9)), create()) == {number: number**2 for number in range(9)}
     with create() as executor:
+        found = {number: job.result() for number, job in run_tasks(square, list(range(9)), executor)}
+        assert found == {number: number**2 for number in range(9)}
         jobs = [executor.submit(square, number) for number in range(5)]
         assert [job.result() for job in reversed(jobs)] == [16, 9, 4, 1, 0]
         assert jobs[2].result() == 4

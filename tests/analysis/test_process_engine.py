@@ -160,7 +160,8 @@ def test_motor_and_bearings_are_those_of_the_engine_that_requires_more(monkeypat
     assert not machine_sizing(found.stages, law).compared
 
 
-def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
+def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study, monkeypatch):
+    monkeypatch.setattr("compact.analysis.stages.uncertainty.SAMPLES", 64)
     found = study.stages.contacts.process
     own = study.stages.resistance.map(study.scene.mean_speed)
     assert found.resistance_with(study.scene) == pytest.approx(own, rel=1e-3)

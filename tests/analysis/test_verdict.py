@@ -40,8 +40,12 @@ COLUMNS = {  # the main scene led by columns, which cost milliseconds
 
 @cache
 def study():
-    """The main scene by columns, formula and a linear layer."""
-    return Study(load_scene("loveikin-2015-engines", **COLUMNS))
+    """The main scene by columns, formula and a linear layer; the mix is sampled as coarsely as its fit allows."""
+    found = Study(load_scene("loveikin-2015-engines", **COLUMNS))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stage, "SAMPLES", 64)
+        assert found.uncertainty
+    return found
 
 
 def model(engine, invalid="", error=0.0, fitted=(), **values):
@@ -265,7 +269,7 @@ def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):
     gains = [sum(each["before"].values()) - sum(each["after"].values()) for each in found.values()]
     assert gains == sorted(gains, reverse=True)
     assert "measure first: stiffness of the drive (load cell and dial gauge, cart" in text.say("measure", study())
-    monkeypatch.setattr(stage, "SAMPLES", 64)
+    monkeypatch.setattr(stage, "mix_spread", lambda *_: known.mix)
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"], "motion.laws": ["cubic"]})
     assert not {STIFFNESS, DAMPING, EDGE} & {each["what"] for each in text.measurements(Study(given))}
@@ -276,7 +280,7 @@ def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):
     assert ENGINE_CLASSES["formula"].turning_error is None
     most = 0.09
     monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", most)
-    monkeypatch.setattr(stage, "SAMPLES", 64)
+    monkeypatch.setattr(stage, "mix_spread", lambda *_: study().uncertainty.mix)
     laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
     known = Study(load_scene("loveikin-2015-engines", **FORMULA | laws)).uncertainty
     law = known.laws[FORCE]

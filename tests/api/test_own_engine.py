@@ -54,9 +54,8 @@ def test_engine_of_another_package_rolls(installed):
 
 
 def test_engine_of_another_package_is_compared(installed, tmp_path):
-    scene = compact.load_scene(
-        SMALL, **{"accuracy.engine": "column", "compare": {"winkler": {}}, "output.items": ["tables"]}
-    )
+    few = {"motion.laws": ["cubic"], "contact.speeds": [0.05, 0.2], "output.items": ["tables"]}
+    scene = compact.load_scene(SMALL, **{"accuracy.engine": "column", "compare": {"winkler": {}}} | few)
     assert [*scene.run(tmp_path / "out").places_by_engine] == ["column", "formula", "winkler"]
     assert (tmp_path / "out" / "comparison" / "winkler").is_dir()
     with pytest.raises(compact.SceneError, match='the engine "winkler" takes no "slip", as springs do not slip'):

@@ -153,13 +153,16 @@ def test_unit_follows_the_shares_along_the_stroke(model, model_with_memory, tmp_
     cycle, steps = law("quintic", 0.4, 3.0).cycle(), 3000
     run = simulate(used.cart, Rigid(), cycle, used.resistance)
     dynamics, step = run.inverse_dynamics, cycle.period / steps
+    phases = np.arange(steps // 2)[:, None] + (1e-9, 0.5)
+    begun, middle = (
+        [dynamics.state_at(leg, each / (steps // 2)) for leg in (*cycle.legs(), cycle.legs()[0])] for each in phases.T
+    )
+    moved = [np.concatenate([getattr(each, name) for each in begun]) for name in ("velocity", "acceleration")]
+    forces, applied = (np.concatenate([each.forces.drive_force for each in states]) for states in (begun, middle))
     unit, gaps, positions, travels = PlainUnit(used, tmp_path), [], [], []
-    for k in range(steps + steps // 2):
-        leg = cycle.legs()[k % steps >= steps // 2]
-        at, middle = (np.array([(k % (steps // 2) + part) / (steps // 2)]) for part in (1e-9, 0.5))
-        here, force = dynamics.state_at(leg, at), float(dynamics.state_at(leg, middle).forces.drive_force[0])
-        unit.set(velocity=float(here.velocity[0]), acceleration=float(here.acceleration[0]), applied_force=force)
-        gaps.append(unit.get("drive_force") - float(here.forces.drive_force[0]))
+    for velocity, acceleration, force, push in zip(*moved, forces, applied, strict=True):
+        unit.set(velocity=velocity, acceleration=acceleration, applied_force=push)
+        gaps.append(unit.get("drive_force") - force)
         travels.append(unit.get("travel"))
         unit.step(step)
         positions.append(unit.get("cart_position"))

@@ -267,7 +267,7 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
 def test_bands_contain_the_calibrated_operating_point(tmp_path):
     slope, fed = 15.228e-6, 0.93430  # fitted by columns to 9740 N and 0.179, see test_studies
     scene = {"accuracy.engine": "column", "layer.fed_density_ratio": fed}
-    table, _ = swept(tmp_path, load_scene("loveikin-2015", **scene), ["mix.overrides=~64"])
+    table, _ = swept(tmp_path, load_scene("loveikin-2015", **scene), ["mix.overrides=~32"])
     for quantity, calibrated in (("load", 9740.0), ("resistance", 2 * 0.179 * 9740), ("resistance_coefficient", 0.179)):
         low, _, high = sweep_report.band(table, quantity)
         assert low < calibrated < high

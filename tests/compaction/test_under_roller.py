@@ -1,4 +1,4 @@
-"""Pore air under a roller and on confined columns: limits, balances, hard cases, and the coupled contact."""
+"""Pore air under a roller and on confined columns: limits, balances, hard cases, and the coupled coarse."""
 
 from dataclasses import replace
 
@@ -16,42 +16,50 @@ from compact.rolling_contact import Layer, LowerLift, Roller
 WATER = water_volume(0.10)
 
 
+@pytest.fixture(scope="session")
+def wide():
+    """Contact eight heights long over a thin layer, where columns do not move sideways, on 12 increments."""
+    material = mix(unloading_modulus=20e6, fed_density_ratio=0.94, dry_side="flat")
+    roller = Roller((8 * 0.05) ** 2 / (2 * 0.0015), indentation=0.0015, profile="deformed")
+    return roll(Layer(0.05), roller, material, 0.2, increments=12)
+
+
 def pore_air(permeability, occlusion=None, fed=0.94):
     return PoreAir(permeability=permeability, water=WATER, fed_density_ratio=fed, occlusion_saturation=occlusion)
 
 
-def test_without_drainage_boyles_law_holds_at_every_point(contact):
-    under = RollerAir(contact.solution, pore_air(1e-25))
+def test_without_drainage_boyles_law_holds_at_every_point(coarse):
+    under = RollerAir(coarse.solution, pore_air(1e-25))
     excess = under.at_points(under.pressure(1.0))
     volume = under.flow.air_volume[1:-1, 1:-1]
     initial = under.flow.air_volume[-1, 1:-1]
     boyle = under.air.ambient_pressure * (initial / volume - 1)
-    np.testing.assert_allclose(excess, contact.solution.frame.to_points(boyle.T), atol=1e-6 * 101325)
+    np.testing.assert_allclose(excess, coarse.solution.frame.to_points(boyle.T), atol=1e-6 * 101325)
     assert excess.max() > 101325
 
 
 @pytest.mark.parametrize("occlusion", [None, 0.90])
-def test_with_full_drainage_there_is_no_air(contact, occlusion):
-    under = RollerAir(contact.solution, pore_air(1e-3, occlusion))
+def test_with_full_drainage_there_is_no_air(coarse, occlusion):
+    under = RollerAir(coarse.solution, pore_air(1e-3, occlusion))
     found = under.pressure(1e-3)
     load, resistance, _ = under.forces(found)
     assert np.abs(found.excess[:, -1]).max() < 1e-6 * 101325
     assert np.abs(found.excess).max() < 1e-6 * 101325
-    assert abs(load) < 1e-6 * contact.load
-    assert abs(resistance) < 1e-6 * contact.resistance
+    assert abs(load) < 1e-6 * coarse.load
+    assert abs(resistance) < 1e-6 * coarse.resistance
     if occlusion is None:  # occluded air keeps a share of the permeability
-        assert abs(load) < 1e-9 * contact.load
-        assert abs(resistance) < 1e-9 * contact.resistance
+        assert abs(load) < 1e-9 * coarse.load
+        assert abs(resistance) < 1e-9 * coarse.resistance
 
 
 @pytest.mark.parametrize("occlusion", [None, 0.95, 0.90, 0.85, 0.76])
-def test_hard_cases_converge_with_their_mass(contact, occlusion):
+def test_hard_cases_converge_with_their_mass(coarse, occlusion):
     """Permeability over eight decades, speeds from 1e-4 to 10 m/s, saturation through occlusion."""
     air = 0.10  # moisture, whose fed saturation is 0.767
     fed = 0.94 if occlusion != 0.76 else 0.935
     for permeability in (1e-17, 1e-13, 1e-9):
         under = RollerAir(
-            contact.solution,
+            coarse.solution,
             PoreAir(
                 permeability=permeability,
                 water=water_volume(air),
@@ -67,12 +75,12 @@ def test_hard_cases_converge_with_their_mass(contact, occlusion):
             assert found.iterations < 15
 
 
-def test_coupled_contact_without_air_is_the_contact(contact):
-    coupled = roll_coupled(contact, pore_air(1e-6), 0.01)
-    assert abs(coupled.changes.load) < 4e-3 * contact.load
-    assert abs(coupled.changes.resistance) < 4e-3 * contact.resistance
+def test_coupled_contact_without_air_is_the_contact(coarse):
+    coupled = roll_coupled(coarse, pore_air(1e-6), 0.01)
+    assert abs(coupled.changes.load) < 4e-3 * coarse.load
+    assert abs(coupled.changes.resistance) < 4e-3 * coarse.resistance
     under = RollerAir(coupled.rolling, pore_air(1e-6))
-    assert abs(under.forces(coupled.pressure).load) < 1e-5 * contact.load
+    assert abs(under.forces(coupled.pressure).load) < 1e-5 * coarse.load
 
 
 def work_residual(rolling, excess=0.0):
@@ -90,13 +98,13 @@ def work_residual(rolling, excess=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", ["deformed", "circle", "parabola"])
-def test_air_below_a_lower_lift_and_every_profile_in_either_direction(contact, profile):
+def test_air_below_a_lower_lift_and_every_profile_in_either_direction(coarse, profile):
     """Boyle's law in the rows of both lifts, and forces of either direction alike."""
-    roller = replace(contact.roller, profile=profile)
+    roller = replace(coarse.roller, profile=profile)
     layer = Layer(0.06, lower_lift=LowerLift(thickness=0.05, density_ratio=0.97))
     forces = []
     for speed in (0.2, -0.2) if profile == "circle" else (0.2,):
-        found = roll(layer, roller, contact.material, speed, increments=4)
+        found = roll(layer, roller, coarse.material, speed, increments=4)
         under = RollerAir(found.solution, pore_air(1e-13))
         forces.append(under.forces(under.pressure(speed)))
         undrained = RollerAir(found.solution, pore_air(1e-25))
@@ -109,8 +117,8 @@ def test_air_below_a_lower_lift_and_every_profile_in_either_direction(contact, p
 
 
 @pytest.mark.slow
-def test_work_of_the_coupled_contact_is_that_of_skeleton_and_air(contact):
-    fine = roll(contact.layer, contact.roller, contact.material, 0.2, increments=8)
+def test_work_of_the_coupled_contact_is_that_of_skeleton_and_air(coarse):
+    fine = roll(coarse.layer, coarse.roller, coarse.material, 0.2, increments=8)
     coupled = roll_coupled(fine, pore_air(1e-13), 0.2)
     residual, share = work_residual(coupled.rolling, coupled.rolling.excess)
     assert share > 0.02
@@ -173,9 +181,9 @@ def test_columns_and_finite_elements_agree_over_a_wide_thin_layer(wide):
 
 
 @pytest.mark.parametrize("occlusion", [None, 0.90])
-def test_without_drainage_boyles_law_holds_at_the_surface_under_the_roller(contact, occlusion):
+def test_without_drainage_boyles_law_holds_at_the_surface_under_the_roller(coarse, occlusion):
     """The air under the roller is that of the last drained node ahead; outside the contact the surface has none."""
-    under = RollerAir(contact.solution, pore_air(1e-25, occlusion))
+    under = RollerAir(coarse.solution, pore_air(1e-25, occlusion))
     found, volume = under.pressure(1.0), under.flow.air_volume[:, -1]
     (touched,) = np.nonzero(~under.flow.drained[:, -1])
     boyle = under.air.ambient_pressure * volume[touched[-1] + 1] / volume[touched]
