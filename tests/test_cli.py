@@ -68,8 +68,8 @@ main()
 
 
 def test_study_runs_without_modules_of_unix(tmp_path):
-    options = ("--set", "output.items=['tables']", "--set", "motion.laws=['cubic']", "--quiet", "--out", str(tmp_path / "out"))
-    call = [sys.executable, "-c", WITHOUT_UNIX, "run", str(SMALL), *options]
+    few = ("--set", "output.items=['tables']", "--set", "motion.laws=['cubic']", "--quiet")
+    call = [sys.executable, "-c", WITHOUT_UNIX, "run", str(SMALL), *few, "--out", str(tmp_path / "out")]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "out" / "summary.json").exists()
