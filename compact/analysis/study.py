@@ -159,7 +159,7 @@ class Study:
     def _key(self) -> str:
         """Hash of all inputs of the study and of the peaks of all models, under which its uncertainty is kept."""
         peaks = [each.values(*self.case, by) for each in self.models for by in self.sizing_peaks]
-        return results_key(self.scene.hash, self.durations, peaks)
+        return results_key(self.scene.hash, self.scene.known_origins, self.durations, peaks)
 
     @cached_property
     def candidates(self) -> tuple[str, ...]:

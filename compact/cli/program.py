@@ -6,7 +6,6 @@ refusal of the scene does not wait for them.
 """
 
 import gc
-import json
 import logging
 import os
 import re
@@ -532,10 +531,7 @@ def calibrate(
             progress.begin(f"fit by {engine}")
             found = calibration.calibrate(given, readings, engine, parameters, **options)
         summary |= calibration.calibration_summary(found)
-        *values, (place, fit) = found.scene_changes.items()
-        table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
-        changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
-        told.append(f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}")
+        told.append(calibration.calibration_digest(found))
     write_json(path, summary)
     job.show(lambda: "\n\n".join(told), path, calibration=summary)
 

@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 from compact.numerics import Array
 
-AGREEMENT = 1e-3  # [-], largest |ln(fine/corrected coarse)| at convergence
+AGREEMENT = 1e-3  # [-], default
 DIFFERENCE_STEP = 1e-4  # [-], of the unknowns, for central differences of the coarse model, smooth to 1e-8
 UNKNOWNS_TOLERANCE = 1e-10  # [-], relative change of the unknowns at which the fit of the coarse model ends
 MAX_FINE_RUNS = 24  # [-], evaluations of the fine model
@@ -113,6 +113,7 @@ def fit_parameters(
     *,
     correction: Correction | None = None,
     broyden_length: float = BROYDEN_LENGTH,
+    agreement: float = AGREEMENT,
 ) -> SpaceMappingFit:
     """Fit unknowns to measured data.
 
@@ -128,13 +129,15 @@ def fit_parameters(
         Correction to apply where there is no fine model; initial slope where there is one.
     broyden_length : float
         Step that updates half of a slope [-]; the default is for fine models with noise of 1e-3.
+    agreement : float
+        Largest |ln(fine/corrected coarse)| at convergence [-]; above the noise of the fine model.
 
     Raises
     ------
     ValueError
         If there are more unknowns than data, or the data do not determine the unknowns.
     RuntimeError
-        If the two models do not converge to one another; the message contains the history.
+        If the two models do not converge to one another; the message contains the closest run.
 
     Examples
     --------
@@ -165,7 +168,7 @@ def fit_parameters(
         history.append((u.tolist(), misfit.tolist()))
         if last is None:  # no prediction to compare with
             found = replace(found, ratio=ratio)
-        converged, last = at_optimum and np.abs(ratio - found(u)).max() <= AGREEMENT, u
+        converged, last = at_optimum and np.abs(ratio - found(u)).max() <= agreement, u
         found = found.updated(ratio, u, broyden_length)
         optimum = _fit(coarse_model, measured, u, found)
         if converged:
@@ -173,9 +176,10 @@ def fit_parameters(
         longest = np.abs(optimum.unknowns - u).max()
         at_optimum = longest <= max_step
         u = optimum.unknowns if at_optimum else u + (optimum.unknowns - u) * max_step / longest
+    farthest, at = min((np.abs(misfit).max(), place) for place, misfit in history if np.isfinite(misfit).all())
     raise RuntimeError(
-        f"the calibration did not converge in {MAX_FINE_RUNS} evaluations of the fine model: u and "
-        f"ln(predicted/measured) were {history}"
+        f"the calibration did not converge in {MAX_FINE_RUNS} runs of the fine model; the closest, at {at}, was "
+        f"{np.expm1(farthest):.2%} from the data; use a finer mesh, or measure again"
     )
 
 

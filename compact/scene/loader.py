@@ -37,6 +37,7 @@ from compact.engines import BUILT_IN, ENGINES
 from compact.engines.interface import Engine, Limit
 from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
+from compact.material.mix import is_same_state
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences, value_at
 from compact.scene.errors import Key, Mistake, SceneError, Source
@@ -51,6 +52,7 @@ SIZES = ("machine.roller_radius", "mix.density_ratio", "layer.fed_density_ratio"
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
 UNHASHED = {"title", "unusual", "output"}  # keys and tables on which no number depends
 LONGEST_NAME = 100  # [characters], of changed values in the name of a folder
+MEASURED_SPREAD = 0.1  # [-], half-width of a measured value whose comment has no ±, over it
 KNOWN_ORIGINS = ("measured", "given", "published")  # first words of the comment on a value that is not assumed
 SPREAD = re.compile(r"(?:±|\+/?-) *(\d[\d.]*(?:[eE][+-]?\d+)?) *(%|[\w/]*)")  # of a value, in its comment
 
@@ -287,6 +289,23 @@ class Scene(SceneTables):
         factors = dict(plausible_ranges.OTHER_UNITS.get(extra_of(key).get("unit", "1"), ()))
         value = attrgetter(key)(self)
         return width * factors.get(unit, 1.0) / abs(value[item] if isinstance(value, tuple) else value)
+
+    def measured_spread(self, key: str) -> float | None:
+        """Return the half-width over a value that its comment states as measured [-], `MEASURED_SPREAD` without ±."""
+        return self.stated_spread(key) or MEASURED_SPREAD if self.is_marked(key, "measured") else None
+
+    @property
+    def measured_forces(self) -> float | None:
+        """Half-width of the measured forces to which the mix is fitted [-]; None elsewhere, and for other forces."""
+        fit, here = self.mix.fitted_at, (self.mix.moisture, self.mix.density_ratio)
+        there = fit is not None and is_same_state((fit.moisture, fit.density_ratio), here)
+        return self.measured_spread("mix.fitted_at.parameters") if there else None
+
+    @property
+    def known_origins(self) -> dict[str, str]:
+        """Comments that state a known origin, by key."""
+        keys = map(".".join, self._source.places)
+        return {key: self.remark(key) for key in keys if any(self.is_marked(key, word) for word in KNOWN_ORIGINS)}
 
     @property
     def hash(self) -> str:

@@ -103,6 +103,8 @@ class Measurement:
         Density ratio behind the roller [-]; default that of the scene.
     speed : float or None
         Speed of the roller [m/s]; default that of the scene.
+    error : float or None
+        Half-width of both forces over them [-], which replaces the spread of the prior; None for design values.
     """
 
     load: OptionalBand = None
@@ -110,6 +112,7 @@ class Measurement:
     resistance_coefficient: OptionalBand = None
     exit_density_ratio: Positive | None = None
     speed: Positive | None = None
+    error: Annotated[float, Field(gt=0, lt=1)] | None = None
 
     def __post_init__(self) -> None:
         names = {name for name, _ in self.data}

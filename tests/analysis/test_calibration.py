@@ -3,13 +3,14 @@
 import json
 import math
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from compact.analysis.calibration import calibrate, calibrate_drive, fit_slope, slope_digest
+from compact.analysis.calibration import calibrate, calibrate_drive, calibration_digest, fit_slope, slope_digest
 from compact.analysis.contact_cases import case_of, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.compaction import engine as finite_elements
@@ -35,8 +36,8 @@ def band(value):
     return Band(value, value, value)
 
 
-def reading(**stated):
-    return Measured((Measurement(**{name: band(value) for name, value in stated.items()}),))
+def reading(error=None, **stated):
+    return Measured((Measurement(**{name: band(value) for name, value in stated.items()}, error=error),))
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,18 @@ def test_sensitivity_is_the_slope_of_the_refit(published):
     slope = np.log(more.heckel_slope / published.heckel_slope) / np.log(1.001)
     density = np.log(more.fed_density_ratio / published.fed_density_ratio) / np.log(1.001)
     assert published.sensitivity[:, 0] == pytest.approx([slope, density], rel=2e-3)
+
+
+@pytest.mark.parametrize(("error", "origin"), [(None, "# fitted"), (0.05, "# measured ± 5 %")])
+def test_lines_for_the_scene_have_the_fit_and_the_error_of_measured_forces(error, origin):
+    found = calibrate(load_scene("loveikin-2015"), reading(error, load=9740.0, resistance_coefficient=0.179))
+    lines, changes = calibration_digest(found).partition("for the scene:\n")[2], found.scene_changes
+    assert lines.splitlines()[-1].endswith(origin)
+    given = tomllib.loads(lines)
+    assert given["mix"]["fitted_at"] == changes["mix.fitted_at"]
+    assert given["layer"]["fed_density_ratio"] == pytest.approx(changes["layer.fed_density_ratio"], rel=1e-5)
+    for name, value in given["mix"]["overrides"].items():
+        assert value == pytest.approx(changes[f"mix.overrides.{name}"], rel=1e-5)
 
 
 # finite elements
@@ -170,6 +183,7 @@ ONE = "[[measurement]]\n"
         ("toml", f"{ONE}load = {{value = 3, low = 4}}", "low <= value <= high must hold, got 4, 3, 3"),
         ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", "`assumptions.a` must be a list, got 3"),
         ("csv", "force,deflection\n1,x\n", "deflection 1, `deflection` must be a number, got 'x'"),
+        ("toml", f"{ONE}load = 1\nerror = 5", "measurement 1, `error` must be less than 1, got 5"),
         ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 has no `damping_ratio`, got frequency"),
         ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", "`damping_ratio` must be less than 1, got 1.2"),
     ],

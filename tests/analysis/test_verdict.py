@@ -15,7 +15,7 @@ from pages import answer_words
 from compact.analysis.sizing.decision import Size, candidates, choose
 from compact.analysis.stages import uncertainty as stage
 from compact.analysis.stages.drives import Place
-from compact.analysis.stages.uncertainty import DRIVE, MIX, SHARES, drive_variants, mix_spread
+from compact.analysis.stages.uncertainty import DRIVE, FORCES, MIX, SHARES, drive_variants, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, fitted_inputs, verdict
 from compact.analysis.study import Study
 from compact.engines import ENGINES as ENGINE_CLASSES
@@ -193,7 +193,7 @@ def edited(tmp_path, **comments):
     words = ENGINES.read_text("utf-8")
     for key, comment in comments.items():
         words, count = re.subn(rf"(?m)^({key} = .*?# .*?; ).*$", rf"\g<1>{comment}", words)
-        assert count == 1
+        assert count
     (tmp_path / "scene.toml").write_text(words)
     return load_scene(tmp_path / "scene.toml", **FORMULA)
 
@@ -273,6 +273,29 @@ def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"], "motion.laws": ["cubic"]})
     assert not {STIFFNESS, DAMPING, EDGE} & {each["what"] for each in text.measurements(Study(given))}
+
+
+@pytest.mark.parametrize(
+    ("what", "comments", "least"),
+    [
+        ("force on the cart", {"parameters": "measured"}, 0.9),
+        ("one-dimensional Heckel slope K_H", {"heckel_slope": "measured ± 10 %"}, 0.97),
+    ],
+)
+def test_a_measurement_leaves_the_margin_that_was_told(monkeypatch, tmp_path, what, comments, least):
+    """The scene that states a value as measured has the margin that was told before, with the same values."""
+    monkeypatch.setattr(stage, "SAMPLES", 64)
+    laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
+    spring = {"stiffness": "given", "damping": "given"}
+    before, after = (Study(edited(tmp_path, **spring, **words).replaced(**laws)) for words in ({}, comments))
+    told = next(each for each in text.measurements(before) if each["what"] == what)
+    for by, left in told["after"].items():
+        assert least * left < after.uncertainty.margin(by) < 1.03 * left < told["before"][by]
+    assert after.scene.hash == before.scene.hash
+    assert after.scene.known_origins != before.scene.known_origins  # so that no result is kept for both
+    if what == "force on the cart":
+        assert {each.name for each in after.uncertainty.sources} == {FORCES, DRIVE}
+        assert after.scene.replaced(**{"mix.moisture": 0.11}).measured_forces is None
 
 
 def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):

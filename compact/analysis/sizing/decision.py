@@ -21,7 +21,17 @@ import numpy as np
 from compact.analysis.machine_models import catalogue
 from compact.analysis.stages import uncertainty as sources
 from compact.analysis.stages.drives import SAME_TRAVEL, same_motions
-from compact.analysis.stages.uncertainty import AIR, DRIVE, LAW, MESH, MIX, MODELS, RankingUncertainty, air_ratios
+from compact.analysis.stages.uncertainty import (
+    AIR,
+    DRIVE,
+    FORCES,
+    LAW,
+    MESH,
+    MIX,
+    MODELS,
+    RankingUncertainty,
+    air_ratios,
+)
 from compact.analysis.stages.verdict import ModelAnswer, sizing_model, valid_models
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
@@ -33,7 +43,7 @@ if TYPE_CHECKING:
 
 CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
 WORTH = 0.01  # [-], of the margins that a measurement must be worth to be named
-FORCE_SOURCES = MESH, sources.MAP, MIX, LAW, AIR, MODELS  # of the margin, which a measured force on the cart replaces
+FORCE_SOURCES = MESH, MIX, LAW, MODELS, FORCES  # of the margin, in place of which the ± of a measured force stands
 CAM_FOLLOWER, CAM_ITEMS = "roller", {"cams", "report"}  # outputs that state whether the cam can be cut
 
 Changes = dict[str, tuple[float, float]]
@@ -238,8 +248,8 @@ def decide(study: "Study") -> Decision | None:
 def measurements(study: "Study") -> list[dict[str, Any]]:
     """Return what may be measured, the largest gain first.
 
-    A quantity of the mix removes its share of the variance of the peak; the force of a slow pass removes mesh, map,
-    mix, its laws, pore air and the other models; a quantity of the drive no longer varies.
+    A quantity of the mix then varies by a tenth; the forces of a slow pass, within a tenth, replace mesh, mix, its laws
+    and the other models, but not the pore air of a fast one; a quantity of the drive no longer varies.
 
     Returns
     -------
@@ -264,13 +274,12 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
         tell(name, name, *_ends_of(study.scene, name), after)
     forces = [each.mean_resistance[study.case[0]] for each in valid_models(study.models)]
     forces += [forces[0] * ratio for ratio in (known.mix.low, known.mix.high)] if known.mix else []
-    after = {by: known.margin(by, FORCE_SOURCES, choice.law) for by in known.laws}
+    after = {by: math.hypot(known.margin(by, FORCE_SOURCES, choice.law), loader.MEASURED_SPREAD) for by in known.laws}
     tell("force on the cart", "force on the cart", forces, "N", after)
     rises = {by: max(0.0, mix.changes(choice.law, by)[1]) for by in known.laws} if mix else {}
-    ranges, shares = (known.mix.ranges, known.mix.shares) if known.mix and mix else ({}, {})
-    for name, ends in ranges.items():
-        after = {by: margins[by] ** 2 - shares[by][name] * rise**2 for by, rise in rises.items()}
-        after = {by: math.sqrt(max(0.0, square)) for by, square in after.items()}
+    for name, ends in known.mix.ranges.items() if known.mix and mix else ():
+        left = min(1.0, max(0.0, known.mix.high_with(name) - 1) / (known.mix.high_with() - 1))
+        after = {by: math.sqrt(max(0.0, margins[by] ** 2 - (1 - left**2) * rise**2)) for by, rise in rises.items()}
         key = f"mix.overrides.{name}" if name != sources.FED else f"layer.{name}"
         words = schema.declared_keys()[key].description or name
         tell(name, words.rsplit(" in ", 1)[0].removeprefix("the "), ends, schema.extra_of(key).get("unit", "1"), after)
@@ -328,6 +337,9 @@ def _load_changes(study: "Study", model: ModelAnswer) -> Changes:
     for name, ratios in ((LAW, spread and spread.load), (AIR, air_ratios(study.stages, "load"))):
         if ratios and model is study.models[0]:
             found[name] = ratios[0] - 1, ratios[1] - 1
+    if known.source(FORCES):
+        error = study.scene.measured_forces or 0.0
+        return {FORCES: (-error, error)} | {name: found[name] for name in (AIR,) if name in found}
     others = [each.roller_load / model.roller_load - 1 for each in study.models if each.valid and each is not model]
     if others:
         found[MODELS] = min(0.0, *others), max(0.0, *others)

@@ -42,7 +42,7 @@ from compact.engines import ENGINES
 from compact.machine.drives import DRIVES, EDGE, MASS, Variant, both_ways
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
-from compact.scene.loader import Scene
+from compact.scene.loader import MEASURED_SPREAD, Scene
 
 if TYPE_CHECKING:
     from compact.analysis.process import ProcessStudy
@@ -52,7 +52,6 @@ SAMPLES = 128  # [-], of the mix by columns; nearly three times the coefficients
 SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0.01
 SEED = 2015  # of both samples
 BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
-GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene states as measured
 MASS_FACTOR = 1.1  # [-], of the mass of a cart that is assumed, in either direction; a drawing is rarely farther off
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
@@ -145,6 +144,8 @@ class MixSpread:
         Total Sobol index of each parameter in the peak, by criterion [-].
     coefficients : tuple of float
         Quadratic fit of the logarithm of the resistance over the positions in the ranges, from -1 to 1.
+    measured : dict
+        Range of each parameter once it is measured, as shares of its range [-].
     load : tuple of float or None
         Quantiles of the load over that of the scene [-]; None for a forming process.
     """
@@ -155,7 +156,18 @@ class MixSpread:
     ranges: dict[str, tuple[float, float]]
     shares: dict[str, dict[str, float]]
     coefficients: tuple[float, ...]
+    measured: dict[str, tuple[float, float]]
     load: tuple[float, float] | None = None
+
+    def high_with(self, measured: str = "") -> float:
+        """Return the upper quantile of the resistance over that of the scene [-] by the fit, with a value measured."""
+        from scipy.stats import qmc
+
+        shares = qmc.Sobol(len(self.ranges), rng=SEED).random(SOBOL_SAMPLES)
+        if measured:
+            column, (low, high) = list(self.ranges).index(measured), self.measured[measured]
+            shares[:, column] = low + (high - low) * shares[:, column]
+        return float(np.quantile(np.exp(quadratic_terms(shares) @ self.coefficients), BAND[1]))
 
 
 @dataclass(frozen=True)
@@ -207,6 +219,7 @@ def margin_of(changes: Iterable[tuple[float, float]]) -> float:
 
 Uncertainties = dict[str, RankingUncertainty]  # by the key of a scene
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
+FORCES = "measured forces"
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
 
 
@@ -224,9 +237,13 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     mix = mix_spread(scene, contacts.process, study.executor)
     sources: list[tuple[str, str, Mapping[str, Change | Peaks]]] = []  # name, variation, changes or known peaks
 
+    forces = scene.measured_forces if model.fitted else None  # in place of all that they determine
     errors = {MESH: getattr(model.steady, "engine_error", None), MAP: getattr(model.steady, "error", None)}
+    errors[FORCES] = forces
     ratios = {name: None if error is None else (1 - error, 1 + error) for name, error in errors.items()}
     ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if models[0].valid else None}
+    if forces is not None:
+        ratios |= dict.fromkeys((MESH, MIX, LAW))
     if model.engine == scene.accuracy.engine:
         ratios[AIR] = air_ratios(stages)
     for name, pair in ratios.items():
@@ -234,7 +251,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
             ends = {f"{each:.2f} times": Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair}
             sources.append((name, f"one-way to undrained, {words}" if name == AIR else words, ends))
-    others = [each for each in models if each.valid and each is not model and model.valid]
+    others = [each for each in models if each.valid and each is not model and model.valid and forces is None]
     by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
     edges = model.turning is not None and isinstance(scene.drive.turn, str | None)
     variants = {each.label: each for each in drive_variants(scene, edges)}
@@ -379,6 +396,11 @@ def mix_spread(
     sampled = qmc.Sobol(len(ranges), rng=SEED).random(SAMPLES)
     ratio = np.divide(high, low, out=np.ones(len(low)), where=low > 0)
     values = np.where(low > 0, low * ratio**sampled, low + sampled * (high - low))  # geometric above zero
+    later = parameter_ranges(columns, scene, measured=True)
+    narrow = np.clip(np.array([later.get(name, ends) for name, ends in ranges.items()]).T, low, high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(low > 0, np.log(narrow / low) / np.log(ratio), (narrow - low) / (high - low))
+    measured = dict(zip(ranges, map(tuple, shares.T.tolist()), strict=True))
     changes = [Change("scene")]
     changes += [Change("point", dict(zip(keys.values(), row, strict=True))) for row in values.tolist()]
     rolled = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
@@ -398,7 +420,7 @@ def mix_spread(
     (least, largest), band = np.quantile(found[known], BAND).tolist(), None
     if process is None:
         band = tuple(np.nanquantile(loads[1:] / loads[0], BAND).tolist())
-    return MixSpread(least, largest, fit, ranges, {}, tuple(coefficients.tolist()), band)
+    return MixSpread(least, largest, fit, ranges, {}, tuple(coefficients.tolist()), measured, band)
 
 
 def quadratic_terms(shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -416,15 +438,17 @@ def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> 
     return {"resistance": float(rolled.resistance), "load": float(rolled.load)}
 
 
-def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, float]]:
+def parameter_ranges(scene: Scene, described: Scene, measured: bool = False) -> dict[str, tuple[float, float]]:
     """Return the ranges of the parameters of the mix that columns depend on, and of the initial density ratio.
 
-    A value that is stated as measured has a range of a tenth; any other one has the relative range of the prior.
+    A value that is stated as measured has the range of its ±; any other one has the relative range of the prior.
 
     Parameters
     ----------
     described : Scene
         Scene whose remarks state the origin of the values.
+    measured : bool
+        True for the ranges of values that were all measured, without a ±.
     """
     mix, typical = scene_mix(scene), prior(scene.mix.moisture, scene.mix.density_ratio)
     ranges = {}
@@ -432,12 +456,13 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
         value, known = mix.parameter(name).value, typical.parameter(name)
         if not known.value:
             continue
-        measured = described.is_marked(f"mix.overrides.{name}", "measured")
-        low, high = known.spread_about(value, GIVEN_SPREAD if measured else None)
+        share = described.measured_spread(f"mix.overrides.{name}") or (MEASURED_SPREAD if measured else None)
+        low, high = known.spread_about(value, share)
         if low < high:
             ranges[name] = (low, high)
-    before = attrgetter(ENGINES[scene.accuracy.engine].fed_key)(scene)
-    step = DENSITY_STEP * (scene.mix.density_ratio - before)
+    key = ENGINES[scene.accuracy.engine].fed_key
+    before, stated = attrgetter(key)(scene), described.stated_spread(key)
+    step = stated * before if stated else DENSITY_STEP * (scene.mix.density_ratio - before)
     return ranges | {FED: (before - step, before + step)}
 
 
