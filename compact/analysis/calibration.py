@@ -504,8 +504,9 @@ def calibration_digest(calibration: Calibration) -> str:
         found = f"{refit.heckel_slope * 1e6:>14.3f}{refit.fed_density_ratio:>14.4f}"
         lines.append(f"  {refit.name:<34}{refit.value:>12.5g}{f'  none: {refit.reason}' if refit.reason else found}")
     *fits, (place, held) = calibration.scene_changes.items()
-    errors = [each.error for each in calibration.model.measured.measurements]
-    origin = "fitted" if None in errors else f"measured ± {100 * max(errors):.2g} %"
+    readings = calibration.model.measured.measurements
+    errors = [each.error for each in readings if each.error is not None]
+    origin = f"measured ± {100 * max(errors):.2g} %" if len(errors) == len(readings) else "fitted"
     values = {key: f"{value:.6g}  #{schema.unit_of(key) or ' -'}; fitted" for key, value in fits}
     values |= {f"{place}.{name}": json.dumps(value) for name, value in held.items()}
     values[f"{place}.parameters"] += f"  # {origin}"

@@ -277,12 +277,15 @@ def measurements(study: "Study") -> list[dict[str, Any]]:
     after = {by: math.hypot(known.margin(by, FORCE_SOURCES, choice.law), loader.MEASURED_SPREAD) for by in known.laws}
     tell("force on the cart", "force on the cart", forces, "N", after)
     rises = {by: max(0.0, mix.changes(choice.law, by)[1]) for by in known.laws} if mix else {}
-    for name, ends in known.mix.ranges.items() if known.mix and mix else ():
-        left = min(1.0, max(0.0, known.mix.high_with(name) - 1) / (known.mix.high_with() - 1))
-        after = {by: math.sqrt(max(0.0, margins[by] ** 2 - (1 - left**2) * rise**2)) for by, rise in rises.items()}
-        key = f"mix.overrides.{name}" if name != sources.FED else f"layer.{name}"
-        words = schema.declared_keys()[key].description or name
-        tell(name, words.rsplit(" in ", 1)[0].removeprefix("the "), ends, schema.extra_of(key).get("unit", "1"), after)
+    if known.mix and mix:
+        today = known.mix.high_with() - 1
+        for name, ends in known.mix.ranges.items():
+            left = min(1.0, max(0.0, known.mix.high_with(name) - 1) / today) if today > 0 else 1.0
+            after = {by: math.sqrt(max(0.0, margins[by] ** 2 - (1 - left**2) * rise**2)) for by, rise in rises.items()}
+            key = f"mix.overrides.{name}" if name != sources.FED else f"layer.{name}"
+            words = schema.declared_keys()[key].description or name
+            what, unit = words.rsplit(" in ", 1)[0].removeprefix("the "), schema.extra_of(key).get("unit", "1")
+            tell(name, what, ends, unit, after)
 
     def gain(each: dict[str, Any]) -> float:
         return sum(margins[by] - each["after"][by] for by in margins if margins[by] < math.inf)
