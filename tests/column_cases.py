@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from mixes import STIFF as MIX
 
 from compact.engines.column.engine import roll
 from compact.material import cap_plasticity
@@ -13,16 +14,6 @@ from compact.rolling_contact import Layer, Roller
 R, HEIGHT, FED = 0.11, 0.22, 0.94
 FED_HEIGHT = 0.98 * HEIGHT / FED
 DEPTH = FED_HEIGHT - HEIGHT
-MIX = Compaction(
-    unloading_modulus=120e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=FED,
-    dry_side="ellipse",
-)
 SPEED = 0.2
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mixes import MIX
 
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import Pass, density, passes, there_and_back
@@ -12,22 +13,12 @@ from compact.engines.column import engine as column
 from compact.engines.compaction.layer_state import LayerState
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
 from compact.report import writer as report
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 # a thick layer: contact length ahead of a fifth of its height
-MIX = Compaction(
-    unloading_modulus=60e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-)
 LAYER, ROLLER = Layer(0.1), Roller(0.11, indentation=0.002, profile="deformed")
 QUICK = {"engine": "compaction", "increments": 6, "steady_tolerance": 1e-2}
 THICK = {"engine": "compaction", "increments": 12}
@@ -60,24 +51,16 @@ def lifts():
 
 
 @pytest.mark.slow
-def test_second_pass_over_a_thin_layer_agrees_with_columns():
-    """Load of elastic recovery, symmetric contact, negligible resistance."""
-    first, second = passes(LAYER, wide(12), MIX, 0.2, 2, engine="compaction", increments=8)
-    expected = passes(LAYER, wide(12), MIX, 0.2, 2)
-    assert abs(second.resistance) < 0.003 * first.resistance
-    assert second.load / first.load == pytest.approx(expected[1].load / expected[0].load, rel=0.02)
-    assert second.leading == pytest.approx(-second.trailing, rel=0.01)
-    assert second.peak_pressure == pytest.approx(first.peak_pressure, rel=0.02)
-
-
-@pytest.mark.slow
 def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
     """Both strokes of 0.3 m by finite elements that move with the mix, without transfer of a state or a search.
 
     `simulate_reciprocating` has 8312 and 912.4, and 3918 and 69.7 N/m after 0.2 m of either stroke, on 12 elements. The
-    search has 0.480 of the load on 8 and on 12 elements.
+    search has 0.480 of the load on 8 and on 12 elements; it scattered from 0.41 to 0.50 when densest states behind the
+    roller followed the volume.
     """
     first, second = thick
+    assert second.load / first.load == pytest.approx(3918.0 / 8312.0, abs=0.015)
+    assert all(rolled.work_residual < 0.03 for rolled in thick)
     assert -second.resistance / first.resistance == pytest.approx(69.7 / 912.4, abs=0.006)
     assert second.peak_pressure > 1.2 * first.peak_pressure
     work = [rolled.exit.resampled(np.full(100, rolled.exit_height / 100), MIX).points.plastic_work for rolled in thick]
@@ -93,13 +76,6 @@ def test_loosened_mix_keeps_its_strength_behind_the_roller(thick):
     densest = frame.to_rows(thick[0].solution.state.points.max_density_ratio)[-5:, behind]
     assert (points.density_ratio[-5:] < densest - 0.01).all()
     assert points.max_density_ratio[-5:] == pytest.approx(densest, abs=2e-5)
-
-
-@pytest.mark.slow
-def test_load_of_the_second_pass_over_a_thick_layer(thick):
-    """It scattered from 0.41 to 0.50 with the mesh when densest states behind the roller followed the volume."""
-    first, second = thick
-    assert second.load / first.load == pytest.approx(3918.0 / 8312.0, abs=0.015)
 
 
 @pytest.mark.slow
@@ -126,27 +102,20 @@ def test_resistance_of_two_lifts_of_columns_is_that_of_each_alone():
 # (b) balances
 
 
-def test_mass_is_conserved_in_every_pass(wider):
+def test_mass_and_work_balance_in_every_pass(wider):
     for rolled in wider:
         assert rolled.exit.solid_height(MIX) == pytest.approx(0.94 * 0.1, rel=1e-12)
         assert rolled.mass_residual < 1e-12
-
-
-def test_work_balances_in_every_pass(wider):
     first, second = wider
     assert first.work_residual < 0.02
     assert second.work_residual * abs(second.resistance) < 1e-3 * first.resistance
 
 
 @pytest.mark.slow
-def test_lift_adds_its_mass_and_conserves_mass_and_work(lifts):
+def test_lift_adds_its_mass_is_compacted_and_the_layer_below_remains(lifts):
+    """Behind the roller horizontal tension loosens the top 4 mm, which were at the saturation limit below it."""
     assert lifts[1].exit.solid_height(MIX) - lifts[0].exit.solid_height(MIX) == pytest.approx(0.94 * 0.05, rel=1e-12)
     assert all(rolled.mass_residual < 1e-12 and rolled.work_residual < 0.03 for rolled in lifts)
-
-
-@pytest.mark.slow
-def test_lift_is_compacted_and_the_layer_below_remains(lifts):
-    """Behind the roller horizontal tension loosens the top 4 mm, which were at the saturation limit below it."""
     below, both = (rolled.exit.points.density_ratio for rolled in lifts)
     y, old = lifts[1].exit.y, lifts[0].exit
     deep = y < 0.04
@@ -307,8 +276,3 @@ def test_wrong_input_is_refused(demand, message):
 def test_second_pass_over_a_thin_layer_has_negligible_resistance(ratio, share):
     first, second = passes(LAYER, wide(ratio), MIX, 0.2, 2, engine="compaction", increments=8)
     assert abs(second.resistance) < share * first.resistance
-
-
-@pytest.mark.slow
-def test_work_balances_in_every_pass_over_a_thick_layer(thick):
-    assert all(rolled.work_residual < 0.03 for rolled in thick)

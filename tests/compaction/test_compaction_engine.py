@@ -5,14 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mixes import THIN
+from mixes import LIFT_MIX, MIX, THIN
 
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
@@ -118,11 +117,7 @@ def test_halved_elements_and_steps_change_little(layer, roller, mix):
 
 def published_mix(fed_density_ratio, **changes):
     """Mix of the published lift, as in the independent code: 35 degrees, 10 kPa."""
-    return Compaction(
-        unloading_modulus=120e6, poisson=0.3, heckel_slope=16.45e-6 / 1.0208, loose_density_ratio=0.72,
-        critical_slope=np.sqrt(3) * np.sin(np.radians(35)), tensile_strength=10e3 / np.tan(np.radians(35)),
-        fed_density_ratio=fed_density_ratio, **changes,
-    )  # fmt: skip
+    return replace(LIFT_MIX, heckel_slope=16.45e-6 / 1.0208, fed_density_ratio=fed_density_ratio, **changes)
 
 
 FREE = {"friction": 0.35, "rolling": "free", "profile": "deformed"}
@@ -301,15 +296,7 @@ def test_target_is_reached(increments, name, value):
 @pytest.mark.slow
 def test_large_contact_angle_becomes_steady_and_balances():
     """Contact angle of 23 degrees, 37 degrees with the bow wave, which is higher than the depth."""
-    mix = Compaction(
-        unloading_modulus=120e6,
-        poisson=0.3,
-        heckel_slope=28e-6,
-        loose_density_ratio=0.72,
-        critical_slope=1.2,
-        tensile_strength=14e3,
-        fed_density_ratio=0.91,
-    )
+    mix = replace(MIX, unloading_modulus=120e6, heckel_slope=28e-6, fed_density_ratio=0.91)
     rolled = roll(Layer(0.23), Roller(0.11, indentation=0.009, profile="deformed"), mix, 0.2, increments=6)
     assert rolled.mass_residual < 2e-3
     assert rolled.work_residual < 0.02

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_cases import mix_of
 from mixes import STIFF, calibrated, free_roller
 
 from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material.laws import Compaction
-from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import Layer, Roller, UnsteadyError
 
 PRODUCT, LIFT = (0.16, 0.28), (0.04, 0.08)  # [m], heights of compacted layers
@@ -26,26 +26,8 @@ def random_scene(seed, heights=PRODUCT):
     moisture, k, radius = draw.uniform(0.08, 0.12), draw.uniform(0.92, 0.985), draw.uniform(0.08, 0.2)
     height = draw.uniform(*heights)
     depth, friction = height * draw.uniform(0.01, 0.06), draw.uniform(0, 0.45)
-    mix = prior(moisture, k, {"rate_sensitivity": 0.0})
-    angle = np.radians(mix.friction_angle)
-    slope = float(np.sqrt(3) * np.sin(angle))
-    isotropic = mix.heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
-    strength = float(mix.cohesion / np.tan(angle))
-    fed = k / (1 + depth / height)
-    material = Compaction(
-        unloading_modulus=mix.unloading_modulus,
-        poisson=mix.poisson,
-        heckel_slope=isotropic,
-        loose_density_ratio=LOOSE_DENSITY_RATIO,
-        critical_slope=slope,
-        tensile_strength=strength,
-        fed_density_ratio=fed,
-    )
-    return (
-        Layer(height + depth),
-        Roller(radius, indentation=depth, friction=friction, rolling="free", profile="deformed"),
-        material,
-    )
+    roller = Roller(radius, indentation=depth, friction=friction, rolling="free", profile="deformed")
+    return Layer(height + depth), roller, mix_of(moisture, k, k / (1 + depth / height))
 
 
 def calibrated_scene(height, depth, heckel_slope, fed):

@@ -400,13 +400,6 @@ def test_stacked_lifts_of_one_mix_equal_a_single_layer(moisture, density_ratio, 
     assert many.exit_density_ratio == pytest.approx(one.exit_density_ratio, rel=1e-10)
 
 
-@pytest.mark.parametrize("rise", [1e-9, 1e-6, 1e-4, 0.03])
-@pytest.mark.parametrize("changes", [{}, {"poisson": 0.45147, "unloading_modulus": 2.1e9, "dry_side": "flat"}], ids=str)
-def test_exit_density_with_a_small_rise_is_reached(rise, changes):
-    contact = rolled(mix(**changes), exit_density_ratio=FED + rise)
-    assert contact.exit_density_ratio == pytest.approx(FED + rise, rel=1e-8)
-
-
 def implicit_load(layer, roller, indentation, material, points):
     """Load [N/m] by implicit steps of `cap_plasticity` over equal angles of the front and along the unloading."""
     lowest, radius = layer.height - indentation, roller.radius

@@ -297,6 +297,7 @@ def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, s
 def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
     """Errata C-5: an identity for any crank angles."""
     shaft = simulate_crankshaft(CART, CRANK, 10.5, friction(3562.0), angles)
+    assert shaft.weights.sum() == pytest.approx(2 * np.pi, rel=1e-13)
     means = [shaft.mean(cart.drive_power) for cart in shaft.carts]
     assert means == pytest.approx([mean_power_of_one_cart(CART, 3562.0)] * len(angles), rel=1e-10)
     assert shaft.mean(shaft.power) == pytest.approx(sum(means), rel=1e-13)

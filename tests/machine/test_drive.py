@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -149,22 +148,6 @@ def test_crank_drive_agrees_with_the_crankshaft(cart):
 
 
 # properties
-
-
-@cache
-def run_of_a_unit_cart(name):
-    return simulate(UNIT, Rigid(), unit_law(name), free)
-
-
-@examples(8, slow=25)
-@given(st.sampled_from(WITHOUT_IMPULSE), st.floats(0.05, 5), st.floats(0.1, 20), st.floats(1, 1e5))
-def test_force_and_power_of_a_free_cart_scale(name, stroke, duration, mass):
-    motion = law(name, stroke, duration, rod_length=2 * stroke)
-    run = simulate(replace(UNIT, mass=mass), Rigid(), motion, free)
-    unit = run_of_a_unit_cart(name)
-    assert run.peak_force == pytest.approx(unit.peak_force * mass * stroke / duration**2, rel=1e-9)
-    assert run.peak_power == pytest.approx(unit.peak_power * mass * stroke**2 / duration**3, rel=1e-9)
-    assert run.rms_power == pytest.approx(unit.rms_power * mass * stroke**2 / duration**3, rel=1e-9)
 
 
 @examples(8, slow=25)

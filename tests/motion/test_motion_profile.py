@@ -449,15 +449,6 @@ def test_invalid_table_is_refused(time, position, message):
         from_table(time, position)
 
 
-def test_crank_law_is_the_geometry_of_the_mechanism():
-    r, rod, z = 0.2, 0.8, np.linspace(0, 1, 17)
-    motion, hinge = law("crank", 2 * r, 3.0, rod_length=rod), r * np.exp(1j * np.pi * z)
-    slider = hinge.real + np.sqrt(rod**2 - hinge.imag**2)
-    assert motion.position(3 * z) == pytest.approx(r + rod - slider, abs=1e-15)
-    exact = [sign * r * (np.pi / 3) ** 2 * (1 + sign * r / rod) for sign in (1, -1)]  # at the dead centres
-    assert motion.acceleration([0.0, 3.0]) == pytest.approx(exact, rel=1e-14)
-
-
 @pytest.mark.parametrize("run", [0.5 - 4e-13, 0.5 - 1e-15, 0.5 + 1e-13])
 def test_acceleration_and_deceleration_that_fill_the_time_leave_no_constant_velocity(run):
     motion = unit("reversal-3", run_up=run, run_down=run)

@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from drive_tables import HYDRAULICS, MOTOR
 
 from compact.analysis.study import Study
 from compact.report import writer as report
@@ -27,20 +28,12 @@ TABLES = ("ranking.csv", "contact.csv")
 
 CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.items": ["tables"]}
 ELASTIC = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4}
-KLOSS = {
-    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0, "inertia": 0.01,
-    "flywheel_inertia": 50.0,
-}  # fmt: skip
-HYDRAULICS = {
-    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
-    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
-}  # fmt: skip
 SCENES = {
     "formula": {"output.items": ["tables", "cams", "reactions", "crank"]},
     "column": {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2], "output.items": ["tables"]} | ELASTIC,
     "spectral": {
         "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
-        "drive.kind": "motor", "drive.motor": KLOSS,
+        "drive.kind": "motor", "drive.motor": MOTOR,
     } | CONTACT,
     "fem": {
         "accuracy.engine": "fem", "accuracy.tolerance": 0.05, "drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS,

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 import pytest
+from drive_tables import HYDRAULICS, MOTOR
 from pydantic.fields import FieldInfo
 
 from compact.cli import program as cli
@@ -37,21 +38,8 @@ DRIVES: dict[str, dict[str, Any]] = {  # complete tables, whose numbers a case t
     "rigid": {},
     "springs": {"drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}},
     "elastic": {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4},
-    "motor": {
-        "drive.kind": "motor",
-        "drive.motor": {
-            "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0,
-            "inertia": 0.01, "flywheel_inertia": 50.0,
-        },
-    },
-    "hydraulic": {
-        "drive.kind": "hydraulic",
-        "drive.hydraulics": {
-            "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5,
-            "discharge_coefficient": 0.62, "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9,
-            "dead_volume": 1e-4,
-        },
-    },
+    "motor": {"drive.kind": "motor", "drive.motor": MOTOR},
+    "hydraulic": {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS},
     "optimise": {"motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}},
 }  # fmt: skip
 BELT = {"pulley_radius": 0.1, "stiffness": 1e5, "preload": 1e3, "friction": 0.5, "wrap": 3.0}

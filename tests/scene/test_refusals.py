@@ -8,6 +8,7 @@ from typing import get_args
 
 import pytest
 import refusals
+from drive_tables import HYDRAULICS
 
 from compact.analysis.contact_cases import case_of
 from compact.analysis.study import Study
@@ -147,7 +148,7 @@ def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
 @pytest.mark.parametrize(("modulus", "told"), [(2e8, False), (1e8, True)])
 def test_soft_oil_is_told_beforehand(modulus, told):
     """8 MPa x 3e-4 m3/(2 K 1e-3 m2) of 0.4 m: 3 % at 100 MPa, 1.5 % at 200 MPa."""
-    oil = refusals.HYDRAULICS | {"bulk_modulus": modulus}
+    oil = HYDRAULICS | {"bulk_modulus": modulus}
     scene = load_scene("small", **{"drive.kind": "hydraulic", "drive.hydraulics": oil})
     found = [sentence for sentence in scene.advice if "the oil yields by" in sentence]
     assert len(found) == told
@@ -172,6 +173,11 @@ CALLS = {
     "nothing to vary": (("sweep", "small"), '"sweep" parameter --vary requires an argument; `compact sweep --help`'),
     "vary in per cent": (("sweep", "small", "--vary", "mix.moisture=8:12:5"), "got 8; give the moisture W …0.10 for"),
     "speed in mm/s": (("roll", "small", "--speed", "130"), "was 130 mm/s = 0.13 m/s meant?"),
+    "no scene": (("run", "nowhere.toml"), "nowhere.toml"),
+    "unknown option": (("run", "small", "--engin", "fem"), "Did you mean --engine?"),
+    "change without a value": (("run", "small", "--set", "mix.moisture"), "--set takes KEY=VALUE"),
+    "tolerance not a number": (("export", "small", "--format", "csv", "--tolerance", "tight"), "tight"),
+    "cutter that does not fit": (("cam", "small", "--law", "reversal-3", "--cutter", "0.8"), "use a smaller cutter"),
     "unknown format": (("export", "small", "--format", "xls"), 'Invalid value "xls" for --format. Choose from: "csv"'),
 }
 
