@@ -69,7 +69,6 @@ class Study:
         self.executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
         self.stages = drives.build_stages(scene, self.count, directory, progress, shortest=shortest)
-        self.stages.contacts.submit = self.submit
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -134,11 +133,7 @@ class Study:
     def _prior(self) -> tuple[float, float] | None:
         """Load on a roller and resistance of a cart with nothing fitted [N]; None without a fit."""
         kept = self.stages.contacts.kept
-        return kept.prior if kept else self._prior_job.result()
-
-    @cached_property
-    def _prior_job(self) -> Job:
-        return self.submit(partial(verdict.prior_forces, self.scene), self.scene)
+        return kept.prior if kept else verdict.prior_forces(self.scene, self.scene)
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -264,30 +259,18 @@ class Study:
         }
 
     @cached_property
-    def _answers_by_law(self) -> list[Job]:
-        """Jobs of the contacts by the other laws of the mix; none where they are not required, or kept."""
-        contacts = self.stages.contacts
-        kept = contacts.kept and contacts.kept.model_spread
-        if kept or not contacts.compacts or "model_spread" not in self.scene.output.items:
-            return []
-        assert contacts.held is not None  # of a compacting engine
-        work = partial(verdict.contact_by_law, contacts.held)
-        return [self.submit(work, each) for each in verdict.scenes_of_laws(self.scene, contacts.mix)]
-
-    def begin_contacts(self) -> None:
-        """Start the second pass, and the contacts by the other laws of the mix, where required and not kept."""
-        _ = self.stages.contacts.second_job, self._answers_by_law
-        if "report" in self.scene.output.items and not self.stages.contacts.kept:
-            _ = self._prior_job
-
-    @cached_property
     def model_spread(self) -> verdict.ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
-        if self._answers_by_law:
-            self.count("model spread")
-            return verdict.spread_of([job.result() for job in self._answers_by_law])
-        kept = self.stages.contacts.kept
-        return kept.model_spread if kept and "model_spread" in self.scene.output.items else None
+        contacts, kept = self.stages.contacts, self.stages.contacts.kept
+        if not contacts.compacts or "model_spread" not in self.scene.output.items:
+            return None
+        if kept and kept.model_spread:
+            return kept.model_spread
+        assert contacts.held is not None  # of a compacting engine
+        self.count("model spread")
+        work = partial(verdict.contact_by_law, contacts.held)
+        jobs = [self.submit(work, each) for each in verdict.scenes_of_laws(self.scene, contacts.mix)]
+        return verdict.spread_of([job.result() for job in jobs])
 
     @property
     def comparison(self) -> dict[str, verdict.ModelAnswer]:

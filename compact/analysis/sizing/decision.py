@@ -32,7 +32,7 @@ from compact.analysis.stages.uncertainty import (
     RankingUncertainty,
     air_ratios,
 )
-from compact.analysis.stages.verdict import ModelAnswer, sizing_model, valid_models
+from compact.analysis.stages.verdict import ModelAnswer, regrets, sizing_model, valid_models
 from compact.machine.component_sizing import choose_motor
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
@@ -168,14 +168,9 @@ def candidates(
     tuple of str
         Distinct motions; the named laws first, then those of least regret.
     """
-    excess: dict[str, list[float]] = {}
-    tables = [(by, each.values(*case, by)) for by in criteria for each in valid_models(models)]
-    for by, values in tables:
-        for law, value in values.items():
-            excess.setdefault(law, []).append(value / CRITERIA[by].scale(min(values.values())) - 1)
-    same = same_motions({law: cycles[law] for law in cycles if len(excess.get(law, ())) == len(tables)})
-    regret = {law: max(excess[law]) for law in same if same[law] == law}
-    ordered = sorted(regret, key=lambda law: round(regret[law], 9))
+    regret = regrets(valid_models(models), case, criteria)
+    same = same_motions({law: cycles[law] for law in cycles if law in regret})
+    ordered = sorted((law for law in same if same[law] == law), key=lambda law: round(regret[law], 9))
     return tuple(dict.fromkeys([*(same.get(law, law) for law in named if law in same), *ordered[:CANDIDATES]]))
 
 

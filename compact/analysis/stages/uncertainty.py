@@ -33,7 +33,6 @@ from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages
 from compact.analysis.stages.ensemble import Change, Peaks, drive_peaks, ensemble, first_law
-from compact.analysis.stages.pooled_peaks import PooledLaws
 from compact.analysis.stages.resistance import along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
 from compact.analysis.stages.verdict import sizing_model
@@ -57,7 +56,7 @@ DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of t
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
-FAR_SHARE = 3.0  # [-], of the least peak; velocity jumps beyond it are not first at a third of the stiffness
+FAR_SHARE = 3.0  # [-], of the least peak; laws beyond it are not first with another drive
 OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
@@ -280,10 +279,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
-    followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
-    pooled = PooledLaws(cycles, near(FAR_SHARE))
-    for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
-        followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
+    followed |= dict.fromkeys(by_drive, near(OIL_SHARE if DRIVES[case[1]].realises else FAR_SHARE))
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(drive_peaks, stages.resistance.cart, followed, met, tuple(laws))
     solved = ensemble(scene, changes, run, study.executor)

@@ -28,7 +28,7 @@ A law by which the mix heaps up in front of the roller has no ratio, but the hei
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -347,6 +347,26 @@ def fitted_inputs(scene: Scene) -> tuple[str, ...]:
     return tuple(key for key in keys if key.rpartition(".")[2] in fitted and scene.is_set(key))
 
 
+def regrets(models: Sequence[ModelAnswer], case: tuple[float, str], criteria: Iterable[str]) -> dict[str, float]:
+    """Return the largest excess of a law over the least value by a model and criterion [-]; of laws with all values.
+
+    Parameters
+    ----------
+    case : tuple
+        Duration of a pass [s] and kind of drive.
+    """
+    tables = [(CRITERIA[by], each.values(*case, by)) for by in criteria for each in models]
+    laws = [law for law in tables[0][1] if all(law in values for _, values in tables)]
+    if not laws:
+        return {}
+    least = [min(values.values()) for _, values in tables]
+
+    def excess(law: str) -> float:
+        return max((values[law] - low) / by.scale(low) for (by, values), low in zip(tables, least, strict=True))
+
+    return {law: excess(law) for law in laws}
+
+
 def verdict(
     models: Sequence[ModelAnswer], duration: float, drive: str, by: str, firsts: Iterable[str] = ()
 ) -> Verdict | None:
@@ -365,9 +385,8 @@ def verdict(
         None if no law has a finite value.
     """
     valid = [each for each in models if each.valid] or list(models)
-    values = {each.engine: each.values(duration, drive, by) for each in valid}
-    lead, laws = next(iter(values.values())), set.intersection(*map(set, values.values()))
-    if not laws:
+    excess = regrets(valid, (duration, drive), [by])
+    if not excess:
         return None
     found: set[str] = set()  # laws that are first by a model, or within its errors or the build tolerance of the first
     for each in valid:
@@ -375,27 +394,20 @@ def verdict(
         first = finite[0]
         limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
         found |= {place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1}
-    ends = set(firsts)
-    least = {engine: min(each.values()) for engine, each in values.items()}
-
-    def regret(law: str) -> float:
-        excess = ((values[engine][law] - low, CRITERIA[by].scale(low)) for engine, low in least.items())
-        return max(difference / scale if scale else 0.0 for difference, scale in excess)
+    ends, values = set(firsts), {each.engine: each.values(duration, drive, by) for each in valid}
 
     def same(law: str, other: str) -> bool:
         return all(math.isclose(each[law], each[other], rel_tol=ROUNDING_TIE) for each in values.values())
 
-    def by_regret(names: set[str]) -> Iterator[str]:
-        close = [law for law in lead if law in laws & names]
-        yield from (close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group)
-
     distinct: list[str] = []  # laws with the same values in every model are named once, unless they differ at an end
-    for law in (*by_regret(found), *by_regret(ends - found)):
-        if law in ends or not any(same(law, known) for known in distinct):
-            distinct.append(law)
-    law, *_ = distinct
+    for names in (found, ends - found):
+        close = [law for law in excess if law in names]
+        for i in (i for group in group_equal([excess[law] for law in close], floor=1.0) for i in group):
+            if close[i] in ends or not any(same(close[i], known) for known in distinct):
+                distinct.append(close[i])
+    law, lead = distinct[0], values.get(models[0].engine, values[valid[0].engine])
     peaks = {engine: each[law] for engine, each in values.items()}
-    return Verdict(by, drive, duration, law, tuple(distinct), values.get(models[0].engine, lead)[law], peaks)
+    return Verdict(by, drive, duration, law, tuple(distinct), lead[law], peaks)
 
 
 @dataclass(frozen=True)
