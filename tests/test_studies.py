@@ -24,14 +24,19 @@ def study(name):
     return module
 
 
-def ran(name, capsys, out, words, **options):
+@pytest.fixture
+def ran(capsys, tmp_path):
     """Results of a study with small inputs that prints the words; its pictures are not empty."""
-    module = study(name)
-    found = module.main(out=out, **options)
-    module.show(list(found.values()) if isinstance(found, dict) and name != "speed_against_plain" else found)
-    assert words in capsys.readouterr().out
-    assert all(picture.stat().st_size > 10_000 for picture in out.glob("*.png"))
-    return found
+
+    def results(name, words, **options):
+        module = study(name)
+        found = module.main(out=tmp_path, **options)
+        module.show(list(found.values()) if isinstance(found, dict) and name != "speed_against_plain" else found)
+        assert words in capsys.readouterr().out
+        assert all(picture.stat().st_size > 10_000 for picture in tmp_path.glob("*.png"))
+        return found
+
+    return results
 
 
 def test_every_study_has_a_test():
@@ -39,15 +44,13 @@ def test_every_study_has_a_test():
     assert {path.stem for path in STUDIES.glob("*.py")} == set(called)
 
 
-def test_first_law_over_drive_and_turn_is_that_of_an_independent_integrator(capsys, tmp_path):
+def test_first_law_over_drive_and_turn_is_that_of_an_independent_integrator(ran):
     """Peaks by explicit steps of 22 us with sticking by the guides, 40 cycles, to 2 %."""
     laws = ["parabolic", "cubic", "complex", "cycloidal", "reversal-2", "combined-2", "reversal-3-free-acceleration"]
     module = study("turning_and_drive")
     turns = {name: module.TURNS[name] for name in ("rebuilt over 10 mm", "50 mm", "own track of 110 mm, then 26 mm")}
     springs = ((1e6, 0.05), (1e7, 0.05))
-    rows = ran(
-        "turning_and_drive", capsys, tmp_path, "first by force", springs=springs, turns=turns, **{"motion.laws": laws}
-    )
+    rows = ran("turning_and_drive", "first by force", springs=springs, turns=turns, **{"motion.laws": laws})
     expected = [
         ("parabolic", 10187, "reversal-2", 4793), ("cycloidal", 8570, "cubic", 3590),
         ("parabolic", 6027, "cubic", 3206),
@@ -135,12 +138,12 @@ def test_ranking_with_air_of_columns_is_that_of_heckels_curve(capsys):
     assert found[0] < with_air[0] < with_air[1] < with_air[2]
 
 
-def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):
+def test_duration_has_the_first_laws_of_every_model(ran):
     """Columns without air cross where the formula does, but for the rate of compaction."""
     laws = {"motion.laws": ["parabolic", "cubic", "combined-2", "reversal-4-free-acceleration"]}
     laws |= {"drive.turn": "step"}  # of the crossovers in closed form
     told, options = "| formula | peak drive force | parabolic, 3740 N", {"over": "duration=0.3:3:3", "changes": laws}
-    answers = ran("duration", capsys, tmp_path, told, cases=("formula", "columns"), **options)
+    answers = ran("duration", told, cases=("formula", "columns"), **options)
     formula, columns = (each.segments["peak_power"] for each in answers)
     assert [law for law, *_ in formula] == [law for law, *_ in columns] == laws["motion.laws"][1:]
     assert formula[0][2] == pytest.approx(0.847, abs=1e-3)
@@ -156,20 +159,15 @@ def test_table_of_engines_in_the_readme_is_the_recorded_one():
 
 
 @pytest.mark.slow
-def test_formulas_laws_and_layers_are_timed_against_plain_code(capsys, tmp_path):
-    module = study("speed_against_plain")
-    targets = ({"indentation": 0.003}, {"load": 15e3})
-    result = module.main(
-        points=1000, repeats=1, samples=(101, 1001), speeds=2, targets=targets, tolerances=(1e-2,), out=tmp_path
-    )
-    module.show(result)
+def test_formulas_laws_and_layers_are_timed_against_plain_code(ran):
+    few = {"points": 1000, "repeats": 1, "samples": (101, 1001), "speeds": 2, "tolerances": (1e-2,)}
+    result = ran("speed_against_plain", "goal 10", targets=({"indentation": 0.003}, {"load": 15e3}), **few)
     assert list(result["formulas"]) == [f"1.{i}" for i in range(1, 11)]
     (_, coarse, _), (_, fine, _) = result["peaks"]
     assert fine < coarse / 20  # a smooth maximum: the error of sampling is proportional to the square of the step
     assert [target for target, *_ in result["consecutive"]] == ["indentation", "load"]
     ((_, _, fem_error, plain_error, *_),) = result["plain"]
     assert max(fem_error, plain_error) < 1e-2  # the plain solution uses no assembly, streamlines or contact of `fem`
-    assert "goal 10" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -249,9 +247,9 @@ def test_formulas_against_a_deep_layer_agree_with_hertz():
 
 
 @pytest.mark.slow
-def test_operating_point_needs_compaction(capsys, tmp_path):
+def test_operating_point_needs_compaction(ran):
     module, told = study("operating_point"), "K_H 14.4 1/MPa of the prior requires a roller of 1.09 m"
-    before, after, fits = ran("operating_point", capsys, tmp_path, told, engines=("column",))
+    before, after, fits = ran("operating_point", told, engines=("column",))
     (_, _, _, load, coefficient, cart, *_), (_, slope, fed, *_) = before
     assert (load, coefficient, cart) == pytest.approx((9740, 0.178961, 3562), rel=1e-4)  # eq 1.8 is fitted to it
     assert (slope, fed) == pytest.approx((14.379e-6, 0.94), rel=1e-4)
@@ -266,9 +264,9 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     assert shorter.heckel_slope == pytest.approx(14.379e-6, rel=0.02)  # log-linear interpolation between two lengths
 
 
-def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
+def test_lifts_share_the_resistance_of_one_pass(ran):
     options = {"radii": (0.11,), "moistures": (0.10, 0.11), "counts": (1, 3)}
-    rows = ran("density_after_passes", capsys, tmp_path, "passes", **options)
+    rows = ran("density_after_passes", "passes", **options)
     (*_, one, dense), (*_, three, denser), *wetter = rows
     # the resistance of a lift depends on its reduction, and on its rate: sqrt 3 times that of the whole product
     faster = (1 + 0.02 * np.log(1 + 3**0.5 * 125)) / (1 + 0.02 * np.log(1 + 125))
@@ -278,9 +276,9 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(capsys, tmp_path):
+def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(ran):
     options = {"laws": ("parabolic", "septic"), "stiffnesses": (1e7, 1e9), "ratio": 0.01, "turns": ("step", "build-up")}
-    rows = ran("elastic_drive", capsys, tmp_path, "parabolic", **options)
+    rows = ran("elastic_drive", "parabolic", **options)
     force, inertia = 3562.0, 1000 * 4 * 0.4 / 9
     impact = force + inertia + (4 * force * inertia - inertia**2) ** 0.5  # undamped, in closed form
     for row in rows[:2]:
@@ -291,9 +289,9 @@ def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(capsys, t
 
 
 @pytest.mark.slow
-def test_formula_and_finite_elements_differ_in_the_resistance_only(capsys, tmp_path):
+def test_formula_and_finite_elements_differ_in_the_resistance_only(ran, tmp_path):
     module, options = study("moisture_density"), {"moistures": "0.08,0.10", "ratios": "0.94,0.98"}
-    table = ran("moisture_density", capsys, tmp_path, "points without numbers", **options)
+    table = ran("moisture_density", "points without numbers", **options)
     assert (table["reason"] == "").all()
     found = module.ratios_to(table, "fem")
     assert np.abs(found["formula", "load"] - 1).max() < 0.08
@@ -332,14 +330,12 @@ SLOW_LIMITS = {
 REFUSED = ("discontinuous resistance over speed", "load that exceeds the capacity of the layer")
 
 
-def test_hard_cases_are_solved_or_refused(capsys, tmp_path):
-    module = study("hard_cases")
-    assert set(module.CASES) == {*LIMITS, *SLOW_LIMITS, *REFUSED}
-    rows = {row[0]: row for row in module.main([*LIMITS, *REFUSED], out=tmp_path)}
-    module.show(rows.values())
+def test_hard_cases_are_solved_or_refused(ran, tmp_path):
+    names = [*LIMITS, *REFUSED]
+    assert set(study("hard_cases").CASES) == {*names, *SLOW_LIMITS}
+    rows = {row[0]: row for row in ran("hard_cases", "reference", names=names)}
     assert [name for name, most in LIMITS.items() if not rows[name][3] <= most] == []
     assert all(rows[name][2].startswith("refused: ") for name in REFUSED)
-    assert "reference" in capsys.readouterr().out
     assert (tmp_path / "hard_cases.csv").read_text().count("\n") == 1 + len(rows)
 
 
@@ -349,9 +345,9 @@ def test_hard_cases_of_finite_elements_and_stiff_drives_are_solved():
     assert [row[0] for row in rows if not row[3] <= SLOW_LIMITS[row[0]]] == []
 
 
-def test_fluctuation_is_inverse_to_the_inertia(capsys, tmp_path):
+def test_fluctuation_is_inverse_to_the_inertia(ran):
     options = {"laws": ("cubic",), "carts": (1, 4), "inertias": (50.0, 500.0), "drive.turn": "step"}
-    rows = ran("motor_and_flywheel", capsys, tmp_path, "cubic", **options)
+    rows = ran("motor_and_flywheel", "cubic", **options)
     for row in rows:
         assert row[3] * row[6] == pytest.approx(row[1] * 0.8 * 3562, rel=1e-5)  # work of a turn: that of friction
         assert row[9] < 1e-6
@@ -361,9 +357,9 @@ def test_fluctuation_is_inverse_to_the_inertia(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_optimal_laws_reduce_power_at_both_ends_of_the_spread(capsys, tmp_path):
+def test_optimal_laws_reduce_power_at_both_ends_of_the_spread(ran):
     options = {"shares": (0.0, 2 / 3), "jerks": (5.0, 50.0)}
-    gains, front = ran("optimal_laws", capsys, tmp_path, "of least regret", **options)
+    gains, front = ran("optimal_laws", "of least regret", **options)
     assert [row[0] for row in gains] == ["peak_force"] * 3 + ["peak_power"] * 3
     force = gains[0]
     assert force[3] == pytest.approx(3562 + 1000 * 7.2 * 0.4 / 9, rel=1e-5)  # reversal-2 has constant acceleration
@@ -382,10 +378,10 @@ def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, monkeypat
     fitted = {"mix.overrides.heckel_slope": 13.881e-6, "layer.fed_density_ratio": 0.93432}
     monkeypatch.setitem(module.ENGINES, "column", fitted)
     laws = ["cubic", "parabolic", "reversal-2"]
-    options = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2, "out": tmp_path}
+    options = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2}
     changes = {"motion.laws": laws, "mix.overrides.rate_sensitivity": 0.0}
-    rows, spreads = result = module.main(**options, **changes)
-    module.show(result)
+    rows, spreads = module.main(**options, **changes, out=tmp_path)
+    module.show((rows, spreads))
     places = {(row[0], row[4]): row for row in rows if row[2] == "peak_force"}
     # 1000 kg times 4, 6 and 7.2 strokes over 9 s2; the friction is what either engine resists with
     by_formula = [3562 + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
@@ -404,9 +400,9 @@ def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, monkeypat
 
 
 @pytest.mark.slow
-def test_compacted_mix_has_little_resistance_on_the_return_stroke(capsys, tmp_path):
+def test_compacted_mix_has_little_resistance_on_the_return_stroke(ran, tmp_path):
     module = study("return_stroke")
-    done = ran("return_stroke", capsys, tmp_path, "return stroke", stroke=0.08, increments=4)
+    done = ran("return_stroke", "return stroke", stroke=0.08, increments=4)
     forward = done.resistance[done.stroke == 1]
     *back, end = done.resistance[done.stroke == 2]
     assert -min(back[len(back) // 4 :]) < 0.25 * forward.max()  # the travel is too short for steady rolling
@@ -432,18 +428,17 @@ def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
     assert [line for line in lines if line not in text] == []
 
 
-def test_resistance_over_speed_of_the_machine_meets_the_formula_at_the_mean_speed(capsys, tmp_path):
+def test_resistance_over_speed_of_the_machine_meets_the_formula_at_the_mean_speed(ran, tmp_path):
     module = study("speed_dependence")
     cases, speeds = [case for case in module.CASES if "finite" not in case], np.geomspace(0.0133, 1.333, 5)
-    curves = {each.name: each for each in module.main(cases=cases, speeds=speeds, out=tmp_path)}
-    module.show(list(curves.values()))
+    found = ran("speed_dependence", "viscoelastic part only", cases=cases, speeds=speeds)
+    curves = {each.name: each for each in found}
     printed, columns, linear = (curves[case].forces for case in cases)
     assert printed == pytest.approx(2 * 9740 * 0.178961, rel=1e-4)
     assert columns[2] == pytest.approx(printed[2], rel=2e-3)  # both at 9740 N and 0.179
     assert np.diff(np.log(columns)) / np.log10(speeds[1] / speeds[0]) == pytest.approx(0.039, abs=2e-3)
     assert linear.max() < 0.2 * printed[0]
-    assert (tmp_path / "speed_dependence.png").stat().st_size > 10_000
-    assert "viscoelastic part only" in capsys.readouterr().out
+    assert (tmp_path / "speed_dependence.png").exists()
 
 
 @pytest.mark.slow
@@ -461,16 +456,14 @@ def test_pore_air_adds_to_the_finite_elements_over_speed():
 
 
 @pytest.mark.slow
-def test_robust_law_gains_most_where_force_and_distance_are_known(capsys, monkeypatch, tmp_path):
+def test_robust_law_gains_most_where_force_and_distance_are_known(ran, monkeypatch):
     monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
     module = study("robust_law")
     effort = module.Effort((4, 2), 9, 0, ("quintic",))
     cases = [module.EXACT[1], module.within("F within 30 %", 0.3, 0.0)]
-    rows = module.main(cases=cases, effort=effort, out=tmp_path)
-    module.show(rows)
+    rows = ran("robust_law", "MN/m, F", cases=cases, effort=effort)
     assert [row[0] for row in rows] == ["closed, D 110 mm", "F within 30 %"]
     known, unknown = (row[4] for row in rows)
     assert known < unknown
     assert known < 0.9
     assert all(row[6] < 1e-6 for row in rows)
-    assert "MN/m, F" in capsys.readouterr().out

@@ -233,6 +233,12 @@ def test_hard_cases_close_their_balances(changes):
     assert all(part.force is None or np.isfinite(part.force) for part in study.parts)
 
 
+def test_one_stroke_for_a_density_is_refused_with_a_remedy():
+    study = ProcessStudy(load_scene("process", **FEW | AT_REST | {"process.strokes": 1}))
+    with pytest.raises(ValueError, match=r"in 1 strokes .* more strokes on a section are needed: a slower mould"):
+        study.history  # noqa: B018
+
+
 @pytest.mark.slow
 def test_ten_thousand_strokes_close_their_balances():
     slow = 1.0001 * FEW["machine.roller_length"] / (10_000 * PASS)

@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+from entry_points import install
 
 import compact
 from compact.engines import ENGINES
@@ -30,13 +31,7 @@ MISNAMED = "no engine"
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """Install a distribution with one engine, and one faulty entry point, in a folder of the path."""
-    (tmp_path / "winkler_engine.py").write_text(PACKAGE)
-    facts = tmp_path / "winkler_engine-1.0.dist-info"
-    facts.mkdir()
-    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: winkler-engine\nVersion: 1.0\n")
-    (facts / "entry_points.txt").write_text(
-        "[compact.engines]\nwinkler = winkler_engine:WINKLER\nbroken = winkler_engine:MISNAMED\n"
-    )
+    install(tmp_path, "winkler_engine", PACKAGE, "compact.engines", winkler="WINKLER", broken="MISNAMED")
     monkeypatch.syspath_prepend(str(tmp_path))
     yield
     sys.modules.pop("winkler_engine", None)

@@ -202,7 +202,24 @@ def test_springs_do_no_net_work_on_a_crankshaft():
     assert alone.peak_power == pytest.approx(even.peak_power, rel=1e-6)
 
 
+def test_energy_balance_of_four_carts_with_springs_on_a_motor():
+    motor = Motor(KLOSS, 150.0, 1e-3, 20.0, CRANK_ANGLES[4])
+    bare, run = (simulate(cart, motor, published_law("cubic"), dry) for cart in (CART, cart_with_springs()))
+    assert run.energy_residual < 1e-8
+    assert run.energy == pytest.approx(0.8 * SIZE, rel=1e-6)
+    near = run.state.position < 0.08
+    assert run.state.forces.drive_force[near].min() < bare.state.forces.drive_force[bare.state.position < 0.08].min()
+
+
 # behind an elastic drive
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e9])
+def test_tuned_springs_require_no_force_of_an_elastic_drive(stiffness):
+    tuned = CART.mass * (np.pi / 3.0) ** 2
+    drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass))
+    run = simulate_elastic(cart_with_springs(tuned, 0.0, 0.2), drive, published_law("harmonic"), lambda v, a: 0.0 * v)
+    assert run.peak_force < 1e-7 * CART.mass * 0.2 * (np.pi / 3) ** 2
 
 
 def bounce(stiffness, preload, push, friction, speed, time):

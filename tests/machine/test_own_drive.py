@@ -4,6 +4,7 @@ import json
 import sys
 
 import pytest
+from entry_points import install
 
 import compact
 from compact.machine.drives import DRIVES
@@ -55,11 +56,7 @@ SPRINGS = {"drive.end_springs": {"stiffness": 1e3, "preload": 10.0, "length": 0.
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """Install a distribution with one drive, and one faulty entry point, in a folder of the path."""
-    (tmp_path / "winch_drive.py").write_text(PACKAGE)
-    facts = tmp_path / "winch_drive-1.0.dist-info"
-    facts.mkdir()
-    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: winch-drive\nVersion: 1.0\n")
-    (facts / "entry_points.txt").write_text("[compact.drives]\nwinch = winch_drive:WINCH\nbroken = winch_drive:Rope\n")
+    install(tmp_path, "winch_drive", PACKAGE, "compact.drives", winch="WINCH", broken="Rope")
     monkeypatch.syspath_prepend(str(tmp_path))
     yield
     sys.modules.pop("winch_drive", None)

@@ -159,3 +159,11 @@ def test_fits_without_a_solution_are_refused(models, measured, error, message):
     first, *fine_models = models
     with pytest.raises(error, match=message):
         fit_parameters(first, measured, [0.0, 0.0], *fine_models)
+
+
+def test_slope_of_the_correction_converges():
+    """A constant correction of u by u^2.5 would overshoot more at each step."""
+    found = fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
+    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
+    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
