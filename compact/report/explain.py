@@ -116,18 +116,19 @@ def _numeric(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _items(summary: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield paths and values of all keys, those of the decision first, then by depth."""
-    level: list[tuple[tuple[str, ...], Any]] = [((), {"decision": summary.get("decision"), **summary})]
-    while level:
-        below = []
-        for path, value in level:
-            for name, each in value.items() if isinstance(value, Mapping) and "unit" not in value else ():
-                below.append(((*path, name), each))
-                yield below[-1]
-                if (*path, name) == ("decision",) and each:
-                    yield from ((("decision", "sizes", size), found) for size, found in each["sizes"].items())
-        level = below
+def _items(summary: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Any]]:
+    """Return paths and values of all keys: those of the sizes first, then those of the decision, then by depth."""
+
+    def below(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...], Any]]:
+        for name, each in value.items() if isinstance(value, Mapping) and "unit" not in value else ():
+            yield (*path, name), each
+            yield from below((*path, name), each)
+
+    def order(item: tuple[tuple[str, ...], Any]) -> tuple[bool, int]:
+        path, _ = item
+        return path[:2] != ("decision", "sizes"), len(path)
+
+    return sorted(below((), {"decision": summary.get("decision"), **summary}), key=order)
 
 
 def _origins(inputs: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, list[str]]:

@@ -1,7 +1,7 @@
 """Contacts and resistance map that a results directory keeps for the next run.
 
 Kept results serve every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds, tables
-of the mix, versions and sources. Cart, laws, drive and output are not in the key. A file that has changed is not used.
+of the mix, versions and sources. Cart, laws, drive and output are not in the key. If a file has changed, none is used.
 The uncertainty of the ranking depends on all of the scene, and has a key of its own.
 """
 
@@ -123,13 +123,9 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
         if key not in content:
             _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
             return None
-        kept, more, files = content[key], content[key]["more"], list[str]()
-        for name, file in ((name, directory / name) for name in kept["files"]):
-            if file.is_file() and checksum(file.read_bytes()) == kept["files"][name]:
-                files.append(name)
-            elif file.is_file():
-                _LOG.warning("%s: changed since it was written; it is computed again", file)
-        if MAP_FILE not in files:
+        kept, more = content[key], content[key]["more"]
+        if any(checksum((directory / name).read_bytes()) != known for name, known in kept["files"].items()):
+            _LOG.warning("%s: a file of its results has changed; its contacts are computed again", path)
             return None
         records = {
             name: more[name] and TypeAdapter(kind()).validate_python(more[name]) for name, kind in RECORDS.items()
@@ -138,7 +134,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             key=key,
             contacts=[Contact.from_json(each) for each in kept["contacts"]],
             resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
-            files=tuple(files),
+            files=tuple(kept["files"]),
             **records,
         )
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
