@@ -137,6 +137,7 @@ class Calibration:
         fits = mix.scaled_fits | {"heckel_slope": self.heckel_slope}
         names = (*self.model.unknowns, *(before.parameters if before else ()))
         place = {"moisture": mix.moisture, "density_ratio": mix.density_ratio, "parameters": list(dict.fromkeys(names))}
+        place["engine"] = "column" if self.elements is None else "compaction"
         changes = {f"mix.overrides.{name}": value for name, value in fits.items()}
         return changes | {"layer.fed_density_ratio": self.fed_density_ratio, "mix.fitted_at": place}
 

@@ -296,9 +296,11 @@ class Scene(SceneTables):
 
     @property
     def measured_forces(self) -> float | None:
-        """Half-width of the measured forces to which the mix is fitted [-]; None elsewhere, and for other forces."""
+        """Half-width of the measured forces to which the engine of the scene is fitted [-]; None elsewhere."""
         fit, here = self.mix.fitted_at, (self.mix.moisture, self.mix.density_ratio)
-        there = fit is not None and is_same_state((fit.moisture, fit.density_ratio), here)
+        if fit is None or fit.engine != self.accuracy.engine:
+            return None
+        there = is_same_state((fit.moisture, fit.density_ratio), here)
         return self.measured_spread("mix.fitted_at.parameters") if there else None
 
     @property
@@ -478,6 +480,7 @@ def _reason_against(engine: Engine, data: Mapping[str, Any], ratio: float | None
     if found := engine.valid(ratio):
         return found
     fitted = {"heckel_slope", "fed_density_ratio"} <= {*(value_at(data, "mix.fitted_at.parameters") or ())}
+    fitted = fitted and value_at(data, "mix.fitted_at.engine") in (None, engine.name)
     if not fitted and any(each.low_fidelity == engine.name for each in BUILT_IN.values()):
         return "no fit to forces of a roller"
     for limit in engine.limits:

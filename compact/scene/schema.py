@@ -252,6 +252,7 @@ class FittedAt(Table):
     moisture: float = _moisture()
     density_ratio: float = key("the density ratio k of the product", ge=0.90, le=0.99)
     parameters: tuple[Fit, ...] = key("the fitted parameters", min_length=1)
+    engine: EngineName | None = key("the engine by which the mix was fitted to forces", default=None)
 
 
 class Mix(Table):

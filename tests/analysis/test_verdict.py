@@ -286,6 +286,7 @@ def test_a_measurement_leaves_the_margin_that_was_told(monkeypatch, tmp_path, wh
     """The scene that states a value as measured has the margin that was told before, with the same values."""
     monkeypatch.setattr(stage, "SAMPLES", 64)
     laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
+    laws |= {"mix.fitted_at.engine": "formula"}
     spring = {"stiffness": "given", "damping": "given"}
     before, after = (Study(edited(tmp_path, **spring, **words).replaced(**laws)) for words in ({}, comments))
     told = next(each for each in text.measurements(before) if each["what"] == what)

@@ -151,6 +151,11 @@ FIT = {"moisture": 0.09, "density_ratio": 0.98, "parameters": ["heckel_slope", "
         ({"layer.lift_thickness": 0.1}, "compaction", "column has no bow wave, layer 3.6 contact lengths high"),
         ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT}, "column", "the cheapest that may size this scene"),
         ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT, "layer.base": "slip"}, "compaction", "layer.base"),
+        (
+            {"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT | {"engine": "compaction"}},
+            "compaction",
+            "no fit to",
+        ),
     ],
 )
 def test_auto_takes_the_cheapest_valid_engine_and_names_the_reason(changes, engine, words):

@@ -236,7 +236,7 @@ def ranking_uncertainty(study: "Study") -> RankingUncertainty:
     mix = mix_spread(scene, contacts.process, study.executor)
     sources: list[tuple[str, str, Mapping[str, Change | Peaks]]] = []  # name, variation, changes or known peaks
 
-    forces = scene.measured_forces if model.fitted else None  # in place of all that they determine
+    forces = scene.measured_forces if model.engine == scene.accuracy.engine else None  # replace all that they determine
     errors = {MESH: getattr(model.steady, "engine_error", None), MAP: getattr(model.steady, "error", None)}
     errors[FORCES] = forces
     ratios = {name: None if error is None else (1 - error, 1 + error) for name, error in errors.items()}

@@ -216,9 +216,12 @@ def model_answer(
         lifts = contacts.process.lifts if contacts.process else None
         found = contacts.key, contacts.records, contacts.held, second_pass, resistance.map
         kept = KeptResults(*found, lifts=lifts and lifts.bare, prior=prior)
+    engine, fit = ENGINES[scene.accuracy.engine], scene.mix.fitted_at
+    is_corrected = any(each.low_fidelity == engine.name for each in ENGINES.values())
+    foreign = f"fitted by {fit.engine}" if is_corrected and fit and fit.engine not in (None, engine.name) else ""
     return ModelAnswer(
-        engine=scene.accuracy.engine,
-        invalid=ENGINES[scene.accuracy.engine].valid(ratio, process_detail(scene)),
+        engine=engine.name,
+        invalid=engine.valid(ratio, process_detail(scene)) or foreign,
         places={duration: each.places for duration, each in drives.items()},
         mean_resistance={t: force_at(each.resistance.resistance, motion.stroke / t) for t, each in drives.items()},
         error=resistance.error,
