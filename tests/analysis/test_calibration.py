@@ -295,6 +295,6 @@ def test_compression_gives_the_curve_of_the_mix_and_its_spread():
 
 
 def test_columns_that_cannot_have_the_measured_coefficient_name_the_remedy():
-    scene = load_scene("small", **{"layer.lift_thickness": 0.03})
-    with pytest.raises(SceneError, match=r"by column on a lift of 0\.03 m; use --engine compaction"):
+    scene = load_scene("small", **{"layer.lift_thickness": 0.05})
+    with pytest.raises(SceneError, match=r"by column on a lift of 0\.05 m; use --engine compaction"):
         calibrate(scene, read_measurements(MEASURED))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drive_tables import HYDRAULICS
 
 from compact.analysis.machine_models import catalogue
 from compact.analysis.material_tests import LaboratoryProgramme
@@ -15,7 +16,6 @@ from compact.material.laws import Compaction
 from compact.report.text import say
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
-from compact.scene.schema import Hydraulics
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 MOTORS = SCENES / "motors.csv"
@@ -92,9 +92,7 @@ def test_spring_adds_its_oscillation_to_the_torque():
 
 
 def test_drive_without_a_shaft_or_a_torque_has_no_motor():
-    numbers = (1e-3, 8e6, 5e-4, 2e-5, 0.62, 870.0, 1e3, 1.4e9, 1e-4)
-    oil = dict(zip(Hydraulics.model_fields, numbers, strict=True))
-    found = sizing(**BEARINGS, **{"drive.kind": "hydraulic", "drive.hydraulics": oil})
+    found = sizing(**BEARINGS, **{"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS})
     assert (found.first, found.laws, sentence(found), len(found.wheels)) == (None, {}, "", 4)
     assert "roller" in found.lives
     jump = sizing(**RULE, **{"motion.laws": ["cubic", "constant-velocity"]}).laws["constant-velocity"]
@@ -145,10 +143,6 @@ def test_catalogue_is_validated_before_anything_is_computed(small, text, words):
 PRINTED = {"motion.duration": 0.4 / 0.45, "product.mould_speed": 1.1 / 60}  # .45 m/s, 1 to 1.15 m/min
 
 
-def study(**changes):
-    return Study(load_scene("small", **{"output.items": [], "drive.turn": "step"} | changes))
-
-
 def test_confined_work_is_the_integral_in_closed_form():
     """int ln(c/(1-k))/k2 dk = [-ln(c/(1-k))/k] + int dk/(k (1-k)) by parts, with c = 1 - k0."""
     a, b, c, slope = 0.936, 0.98, 0.28, 14.4e-6
@@ -174,19 +168,19 @@ def test_confined_work_is_that_of_the_oedometer_of_stiff_mix():
 
 def test_pass_of_columns_takes_the_work_of_confined_compression():
     """Columns without a rate: the work of the resistance is that of compression, less the elastic recovery."""
-    balance = study(**{"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0}).work_balance
+    balance = study_of(**{"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0}).work_balance
     assert balance.work_ratio == pytest.approx(1.0, abs=0.02)
 
 
 def test_rate_raises_the_work_of_a_pass_by_its_factor():
     columns = {"accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6}
-    still, rated = (study(**columns | {"mix.overrides.rate_sensitivity": m}).work_balance for m in (0.0, 0.02))
+    still, rated = (study_of(**columns | {"mix.overrides.rate_sensitivity": m}).work_balance for m in (0.0, 0.02))
     assert rated.pass_work / still.pass_work == pytest.approx(1.1, abs=0.015)
 
 
 def test_published_throughput_takes_fifty_times_the_work_of_a_pass():
     """3486 N by 0.4 m a stroke are 320 to 370 kJ/m3 of the 15 to 17 mm that the mould advances."""
-    balance = study(**PRINTED).work_balance
+    balance = study_of(**PRINTED).work_balance
     assert 1e3 * balance.carried_volume == pytest.approx(4.17, abs=0.01)
     assert balance.throughput_work == pytest.approx(3486 * 0.4 / balance.carried_volume, rel=0.001)
     assert 320e3 < balance.throughput_work < 370e3
@@ -199,12 +193,12 @@ def test_published_throughput_takes_fifty_times_the_work_of_a_pass():
 def test_speed_of_the_mould_at_which_mix_and_throughput_fit():
     """L/v strokes of T each over the strips n s/B of the product: at v = n s L/(B T) they press it once."""
     speed = 2 * 0.4 * 1.164 / (1.164 * 60.0)
-    fits = study(**{"product.mould_speed": speed, "motion.duration": 60.0})
+    fits = study_of(**{"product.mould_speed": speed, "motion.duration": 60.0})
     fitting = fits.work_balance
     assert fitting.feed_ratio == pytest.approx(1.0, rel=1e-12)
     assert fitting.fits
     assert say("feed", fits) == "feed: the rollers press what the mould carries away"
-    fast = study(**{"product.mould_speed": 3 * speed, "motion.duration": 60.0})
+    fast = study_of(**{"product.mould_speed": 3 * speed, "motion.duration": 60.0})
     assert fast.work_balance.feed_ratio == pytest.approx(1 / 3, rel=1e-12)
     assert "the rest remains uncompacted" in say("feed", fast)
 
@@ -212,7 +206,7 @@ def test_speed_of_the_mould_at_which_mix_and_throughput_fit():
 def test_return_over_compacted_mix_presses_half_the_mix():
     columns = PRINTED | {"accuracy.engine": "column"}
     fresh, compacted = (
-        study(**columns | {"layer.return_stroke": each}).work_balance for each in ("fresh", "compacted")
+        study_of(**columns | {"layer.return_stroke": each}).work_balance for each in ("fresh", "compacted")
     )
     assert compacted.feed_ratio == pytest.approx(fresh.feed_ratio / 2)
     assert compacted.cycle_work < 0.6 * fresh.cycle_work

@@ -58,11 +58,8 @@ def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
     assert study.stages.drive.runs[name].energy == pytest.approx(2 * 0.4 * forces, rel=1e-9)
 
 
-def test_laws_of_the_scene_are_those_of_the_table():
+def test_laws_and_criteria_of_the_scene_are_those_of_the_table_and_the_drives():
     assert tuple(LAWS) == LAW_NAMES
-
-
-def test_criteria_of_the_scene_are_those_of_the_drives():
     assert set(get_args(RankBy)) == set(CRITERIA)
 
 

@@ -220,9 +220,8 @@ TRANSIENT_ERROR = 0.015  # [-], of the larger of M and tau F', of its default to
 @pytest.mark.parametrize(("case", "speed", "transient", "recorded"), RECORDED)
 def test_spectral_added_mass_is_the_recorded_one_and_that_of_transients(case, speed, transient, recorded):
     found = expand_resistance(*RECORDED_CASES[case], speed)
-    scale = max(abs(found.added_mass), found.relaxation_time * abs(found.slope))
-    assert found.added_mass == pytest.approx(recorded, abs=1e-7 * scale)
-    assert found.added_mass == pytest.approx(transient, abs=TRANSIENT_ERROR * scale)
+    assert found.added_mass == pytest.approx(recorded, abs=1e-7 * scale(found))
+    assert found.added_mass == pytest.approx(transient, abs=TRANSIENT_ERROR * scale(found))
 
 
 # error estimate, cost and failures of "spectral"

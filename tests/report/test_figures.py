@@ -15,7 +15,10 @@ from compact.report.figures import law_style
 from compact.rolling_contact import Layer, Roller
 
 LEFT, RIGHT = 0.9, 0.98  # [-], density ratios of the two halves of a layer
-COLOURS = {name: law_style(name)["color"] for name in LAWS}
+COLOURS = {
+    "laws": [law_style(name)["color"] for name in LAWS],
+    "engines": [shade for shade, _, _ in figures.ENGINE_STYLES.values()],
+}
 # Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, on linear RGB
 SIGHT = {
     "all cones": np.eye(3),
@@ -40,16 +43,10 @@ def lab(shade, sight="all cones"):
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-def test_colours_of_laws_are_distinct_with_colour_blindness(sight):
-    seen = {name: lab(shade, sight) for name, shade in COLOURS.items()}
-    nearest = min(np.linalg.norm(seen[one] - seen[other]) for one, other in combinations(seen, 2))
-    assert nearest > 16
-
-
-@pytest.mark.parametrize("sight", SIGHT)
-def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
-    shades = [lab(shade, sight) for shade, _, _ in figures.ENGINE_STYLES.values()]
-    assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
+@pytest.mark.parametrize("colours", COLOURS.values(), ids=COLOURS)
+def test_colours_are_distinct_with_colour_blindness(colours, sight):
+    seen = [lab(shade, sight) for shade in colours]
+    assert min(np.linalg.norm(one - other) for one, other in combinations(seen, 2)) > 16
 
 
 # fields
