@@ -91,12 +91,15 @@ class Study:
         found = contacts.kept or kept_results.KeptResults(
             contacts.key, contacts.records, contacts.held, contacts.second_pass, resistance.map, contacts.air_curve
         )
-        names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
+        models, names = (
+            self.__dict__.get("models"),
+            {*found.files, *(file.relative_to(directory).as_posix() for file in files)},
+        )
         found = replace(
             found, resistance_map=resistance.map, files=tuple(sorted(names)),
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
-            prior=self.__dict__.get("_prior", found.prior),
+            prior=models[0].prior if models else found.prior,
             uncertainty={self._key: known} if (known := self.__dict__.get("uncertainty")) else found.uncertainty,
         )  # fmt: skip
         yield from kept_results.write_results(directory, found)
@@ -125,15 +128,8 @@ class Study:
     @cached_property
     def models(self) -> list[verdict.ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
-        spread = self.model_spread
-        own = verdict.model_answer(self.stages, spread.resistance if spread else None, self._prior)
+        own = verdict.model_answer(self.stages, self.scene, self.model_spread)
         return [own, *self.comparison.values()]
-
-    @cached_property
-    def _prior(self) -> tuple[float, float] | None:
-        """Load on a roller and resistance of a cart with nothing fitted [N]; None without a fit."""
-        kept = self.stages.contacts.kept
-        return kept.prior if kept else verdict.prior_forces(self.scene, self.scene)
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
