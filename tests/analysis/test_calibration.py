@@ -237,9 +237,6 @@ def test_taps_give_stiffness_with_the_mass_of_the_cart_and_damping():
     assert found["damping"].error == pytest.approx(0.0, abs=1e-9)
 
 
-# refusals
-
-
 # the command
 
 

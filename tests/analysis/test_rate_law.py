@@ -123,9 +123,6 @@ def test_held_out_contact_that_contradicts_the_law_adds_contacts():
     assert found.error > 0.03
 
 
-# (c) files
-
-
 # (d) stage
 
 

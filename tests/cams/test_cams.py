@@ -223,9 +223,6 @@ def test_upward_jump_of_velocity_is_a_straight_part_of_the_cam():
     assert least_breadth(Cycle(replace(up, retraces=False)), FlatFace()).breadth == np.inf
 
 
-# (d) hard cases
-
-
 # (e) properties
 
 shapes = st.fixed_dictionaries(
@@ -249,9 +246,6 @@ def test_profile_above_the_least_breadth_does_not_run_backwards(shape, follower)
         narrow = Cam(motion, least.breadth * (1 - 1e-6), follower)
         assert narrow.undercut
         assert narrow.least_radius_of_curvature < 0
-
-
-# (g) refusals
 
 
 # ---- Machining: followers on the exported points keep the law, the cutter fits, drawing and DXF are true to scale

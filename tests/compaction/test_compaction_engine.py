@@ -287,9 +287,6 @@ def test_target_is_reached(increments, name, value):
     assert found.indentation > 0.8 * DEPTH
 
 
-# (g) cost
-
-
 # (h) refusals
 
 

@@ -206,9 +206,6 @@ def test_input_work_is_stored_and_frames_are_kept(thin):
     assert densities == sorted(densities)
 
 
-# (c) hard cases
-
-
 # (d) properties
 
 
@@ -266,9 +263,6 @@ def test_mix_laid_behind_the_roller_is_met_after_its_own_track():
     fresh = element_means(run.resistance)[end - 3]  # the last element
     assert np.abs(force[(travel > 0.25 * WIDE_LENGTH) & (travel < 0.4 * WIDE_LENGTH)]).max() < 0.06 * fresh
     assert force[travel > 1.6 * WIDE_LENGTH] == pytest.approx(fresh, rel=0.03)
-
-
-# (e) cost and fields
 
 
 # (f) refusals

@@ -245,9 +245,6 @@ def test_case_that_heaps_up_is_refused(layer, roller, mix, options, message):
         roll(Layer(layer), Roller(**{"radius": 0.11} | roller), mix, 0.13, **options)
 
 
-# (e) growing bow waves
-
-
 # ---- Search for the steady state of mix with a shear line: a loose lift, targets, random lifts
 
 

@@ -272,9 +272,6 @@ def test_random_scene_of_stiff_mix_reaches_the_tolerance_or_raises(number):
         assert np.all(np.array(true) < 7e-3)
 
 
-# (f) cost
-
-
 # fields
 
 

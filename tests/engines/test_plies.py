@@ -174,9 +174,6 @@ def test_rigid_lower_ply_is_a_bonded_base(base):
     assert rolled.resistance == pytest.approx(top.resistance, rel=1e-3)
 
 
-# order
-
-
 # comparison of the engines with stiffness ratios of 20 at several depths of the interface
 
 

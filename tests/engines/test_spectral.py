@@ -232,9 +232,6 @@ def test_error_estimate_covers_the_true_error(scenes):
     assert_estimates(scenes, spectral.roll, reference, rounding=1e-11, rest=2e-10)
 
 
-# cost
-
-
 # refused arguments and failures
 
 

@@ -302,6 +302,3 @@ def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
     assert means == pytest.approx([mean_power_of_one_cart(CART, 3562.0)] * len(angles), rel=1e-10)
     assert shaft.mean(shaft.power) == pytest.approx(sum(means), rel=1e-13)
     assert shaft.mean(shaft.torque) * 10.5 == pytest.approx(sum(means), rel=1e-13)
-
-
-# errors

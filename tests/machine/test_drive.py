@@ -161,9 +161,6 @@ def test_work_balances_for_any_cart_and_resistance(name, mass, size, coefficient
     assert run.energy == pytest.approx(taken, rel=1e-9, abs=rounding + 1e-12)
 
 
-# cost
-
-
 # ranking
 
 

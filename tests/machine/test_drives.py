@@ -272,9 +272,6 @@ def test_any_springs_do_no_net_work(name, stiffness, preload, length):
     assert run.energy == pytest.approx(0.8 * SIZE, abs=1e-6 * (0.8 * SIZE + turned))
 
 
-# errors
-
-
 # ---- Hydraulic drive: closed forms, inverse and forward problem, balances, limits, errors
 
 

@@ -372,9 +372,6 @@ def test_energy_balance_and_stiction_of_any_cart(name, power, ratio, size, visco
     assert run.trajectory.duration.sum() == pytest.approx(run.period, rel=1e-12)
 
 
-# cost
-
-
 # errors
 
 

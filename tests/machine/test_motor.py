@@ -139,9 +139,6 @@ def test_energy_balance_of_any_motor(name, power, size, slip):
     assert run.period == pytest.approx(run.time[-1], rel=1e-9)
 
 
-# cost
-
-
 # errors
 
 

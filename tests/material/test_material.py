@@ -99,9 +99,6 @@ def test_spread_about_another_value_is_in_proportion_and_that_of_the_limit_in_ai
     assert limit.spread_about(0.99, 0.1) == pytest.approx((0.989, 0.991))
 
 
-# hard cases
-
-
 # properties
 
 

@@ -222,9 +222,6 @@ def test_complex_law_minimises_its_criterion_directly(d3, d2):
         assert abs(np.sum(changes)) < 1e-9 * np.abs(changes).sum()
 
 
-# ---- (b) order -------------------------------------------------------------------------------------------------------
-
-
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 INSIDE, LINE = np.linspace(0.05, 0.95, 19), Polynomial([0, 1])

@@ -370,7 +370,7 @@ def test_values_out_of_range_are_refused(call, message):
 
 STROKE, DURATION, NOISE = 0.4, 3.0, 1e-5
 INSIDE = np.linspace(0.05, 0.95, 19) * DURATION
-QUINTIC, ENDS = law("quintic", STROKE, DURATION), np.array([0.0, DURATION])
+ENDS = np.array([0.0, DURATION])
 
 
 def table_of(name, rows=61):
@@ -409,9 +409,6 @@ def test_error_without_noise_has_the_order_of_the_quintic_spline():
 
 def test_scatter_is_the_noise():
     assert np.mean([noisy_quintic(seed).scatter for seed in range(80)]) == pytest.approx(NOISE, rel=0.1)
-
-
-# ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 
 # ---- (e) properties --------------------------------------------------------------------------------------------------

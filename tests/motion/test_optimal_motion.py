@@ -412,9 +412,6 @@ def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
     assert motion.value / (mass * stroke / duration**2) == pytest.approx(scaled, rel=1e-5)
 
 
-# ---- (f) cost --------------------------------------------------------------------------------------------------------
-
-
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
 
 

@@ -102,7 +102,7 @@ def test_rows_are_found_in_any_numbering(layer, tmp_path):
 # refusals
 
 RAISED = SMALL.points + 0.1 * np.eye(9)[4][:, None] * [0, 1]
-FINE, FLAT, CORNERS = SMALL.refined(), [[0, 1], [0, 1]], {"height": 0.2, "half_width": 0.02, "elements": 10}
+FINE, FLAT = SMALL.refined(), [[0, 1], [0, 1]]
 
 
 @pytest.mark.parametrize(

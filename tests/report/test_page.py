@@ -160,9 +160,6 @@ def luminance(colour):
     return float(linear @ (0.2126, 0.7152, 0.0722))
 
 
-# cost
-
-
 # in a browser
 
 PROBE = """<script>

@@ -8,11 +8,9 @@ from typing import Any
 
 from drive_tables import MOTOR
 
-HUGE = 10**400
 BELT = {"pulley_radius": 0.1, "stiffness": 9000.0, "preload": 500.0, "friction": 0.4, "wrap": 3.0}
 SPRINGS = {"stiffness": 5000.0, "preload": 200.0, "length": 0.3}
 OPTIMISE = {"objectives": ["peak_force"], "smoothness": 1}
-ELASTIC = {"drive.kind": "elastic", "drive.damping": 0.0}
 CAP, COLUMN = {"mix.law": "drucker-prager-cap"}, {"accuracy.engine": "column"}
 FEM, SPECTRAL = {"accuracy.engine": "fem"}, {"accuracy.engine": "spectral"}
 NO_CLOSURE = {"process.product_density_ratio": None}

@@ -376,9 +376,6 @@ def test_a_scene_outside_the_range_of_compaction_is_refused(seed, tmp_path, warm
     checked(asked._replace(engine="compaction", changes=asked.changes | {"nothing": 0.1}), tmp_path)
 
 
-# the harness itself
-
-
 # ---- Whole studies of random scenes, from plausible to wild: results, or a refusal in words of `compact`
 
 

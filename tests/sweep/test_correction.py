@@ -144,9 +144,6 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert many.store.computed == len(many.store.used) == 36 + len(solved)
 
 
-# (d) choice of the sweep
-
-
 # (e) finite elements
 
 

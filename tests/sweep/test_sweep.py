@@ -258,9 +258,6 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
     assert float(table.resistance[1]) == pytest.approx(float(cold.resistance[0]), rel=3e-3)
 
 
-# (f) cost
-
-
 # (g) uncertainty
 
 
