@@ -22,9 +22,11 @@ import numpy as np
 from scipy.special import expit, logit
 from scipy.stats import t as student
 
+from compact.analysis import machine_models
 from compact.analysis.contact_cases import case_of, on_roller, roll_scene, scene_mix
 from compact.analysis.failures import reason_of
 from compact.engines.process.kneading import KneadingFit
+from compact.machine.cart import balance
 from compact.material import mix
 from compact.numerics import Array
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
@@ -298,6 +300,9 @@ class _Model:
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
             known = on_roller(contact(trial, measurement), length)
+            of_all = trial.machine.rollers * known["resistance"]
+            forces = balance(machine_models.cart(trial, known["load"]), 0.0, of_all, 1.0)
+            known["cart_force"] = float(forces.drive_force)
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 

@@ -55,7 +55,8 @@ from compact.engines.process.kneading import Reading
 from compact.files import read_table, scene_file
 from compact.scene.errors import rule_of
 
-FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
+PULLS = ("resistance", "resistance_coefficient", "cart_force")  # one of them is given
+FITTED = ("load", *PULLS)  # data of a fit
 DECAYS = {"damping_ratio", "decay", "decrement"}  # of which a tap test has one
 MINUTE = 60.0  # [s]
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -99,6 +100,8 @@ class Measurement:
         Horizontal force of the mix on the roller [N].
     resistance_coefficient : Band or None
         Resistance over load [-].
+    cart_force : Band or None
+        Force that moves a cart at steady speed, guide friction included [N].
     exit_density_ratio : float or None
         Density ratio behind the roller [-]; default that of the scene.
     speed : float or None
@@ -110,14 +113,14 @@ class Measurement:
     load: OptionalBand = None
     resistance: OptionalBand = None
     resistance_coefficient: OptionalBand = None
+    cart_force: OptionalBand = None
     exit_density_ratio: Positive | None = None
     speed: Positive | None = None
     error: Annotated[float, Field(gt=0, lt=1)] | None = None
 
     def __post_init__(self) -> None:
-        names = {name for name, _ in self.data}
-        if not names or {"resistance", "resistance_coefficient"} <= names:
-            raise ValueError("give `load`, and `resistance` or `resistance_coefficient`; at least one, not all")
+        if not 0 < len(self.data) <= 1 + (self.load is not None):
+            raise ValueError(f"give `load`, and one of `{'`, `'.join(PULLS)}`; at least one of both")
 
     @property
     def data(self) -> tuple[tuple[str, Band], ...]:

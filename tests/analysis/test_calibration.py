@@ -110,6 +110,15 @@ def test_lines_for_the_scene_have_the_fit_and_the_error_of_measured_forces(error
         assert value == pytest.approx(changes[f"mix.overrides.{name}"], rel=1e-5)
 
 
+def test_force_on_the_cart_is_that_of_its_rollers_and_guides(published):
+    """Equation 1.9: the guides carry what the rollers lift beyond the weight."""
+    scene, load = load_scene("loveikin-2015"), 9740.0
+    guides = scene.machine.guide_friction * (2 * load - scene.machine.weight)
+    found = calibrate(scene, reading(load=load, cart_force=2 * 0.179 * load + guides))
+    expected = published.heckel_slope, published.fed_density_ratio
+    assert (found.heckel_slope, found.fed_density_ratio) == pytest.approx(expected, rel=1e-6)
+
+
 # finite elements
 
 

@@ -453,7 +453,8 @@ def parameter_ranges(scene: Scene, described: Scene, measured: bool = False) -> 
         if not known.value:
             continue
         share = described.measured_spread(f"mix.overrides.{name}") or (MEASURED_SPREAD if measured else None)
-        low, high = known.spread_about(value, share)
+        lows, highs = zip(known.spread_about(value), known.spread_about(value, share), strict=True)
+        low, high = max(lows), min(highs)
         if low < high:
             ranges[name] = (low, high)
     key = ENGINES[scene.accuracy.engine].fed_key
