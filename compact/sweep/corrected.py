@@ -284,7 +284,7 @@ def connected_parts(places: Array, numbers: Sequence[int], size: int = PART_SIZE
 
 
 class Surface(NamedTuple):
-    """Thin-plate spline over a linear polynomial, of one or several quantities.
+    """Thin-plate spline over a polynomial, of one or several quantities.
 
     Parameters
     ----------
@@ -308,10 +308,12 @@ def fit_surface(places: Array, values: Array) -> Surface | None:
     """
     if len(places) < places.shape[1] + 3:
         return None  # a surface without one point would not be overdetermined
+    coefficients = default_count(places.shape[1]) // POINTS_PER_COEFFICIENT
+    degree = 2 if len(places) >= 2 * coefficients else 1  # of the polynomial below the spline
     try:
-        surface = RBFInterpolator(places, values)
+        surface = RBFInterpolator(places, values, degree=degree)
         others = ~np.eye(len(places), dtype=bool)
-        left = np.vstack([RBFInterpolator(places[rest], values[rest])(places[~rest]) for rest in others])
+        left = np.vstack([RBFInterpolator(places[rest], values[rest], degree=degree)(places[~rest]) for rest in others])
     except np.linalg.LinAlgError:
         return None
     return Surface(surface, COVERAGE * np.sqrt(np.mean((values - left) ** 2, axis=0)))
