@@ -3,6 +3,8 @@
 import csv
 import importlib.util
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -125,3 +127,17 @@ def test_studies_in_a_few_lines_run(tmp_path, monkeypatch, capsys):
     pages = {name: (DOCS / "gallery" / f"{name}.md").read_text("utf-8") for name in shown}
     assert len(shown) == 5
     assert all(f":start-at: '# [{name}]'" in page for name, page in pages.items())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("page", "scene"), [("README.md", "loveikin-2015-engines"), ("docs/tutorial/first_run.md", "mine/scene.toml")]
+)
+def test_the_answer_that_a_page_shows_is_printed(tmp_path, page, scene):
+    """Every line that the page shows is printed as it is; … stands for further lines."""
+    shown = re.search(r"```text\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S)[1].splitlines()
+    command = [sys.executable, "-m", "compact"]
+    subprocess.run([*command, "new", "mine"], cwd=tmp_path, check=True, capture_output=True)
+    done = subprocess.run([*command, "run", scene], cwd=tmp_path, check=True, capture_output=True, text=True)
+    printed = done.stdout.splitlines()
+    assert [line for line in shown if line.strip() != "…" and line not in printed] == []
