@@ -509,6 +509,11 @@ def calibration_digest(calibration: Calibration) -> str:
     for refit in calibration.refits:
         found = f"{refit.heckel_slope * 1e6:>14.3f}{refit.fed_density_ratio:>14.4f}"
         lines.append(f"  {refit.name:<34}{refit.value:>12.5g}{f'  none: {refit.reason}' if refit.reason else found}")
+    return "\n".join([*lines, "", fitted_lines(calibration)])
+
+
+def fitted_lines(calibration: Calibration) -> str:
+    """Return the lines for the scene of a calibration, with the error of measured forces."""
     *fits, (place, held) = calibration.scene_changes.items()
     readings = calibration.model.measured.measurements
     errors = [each.error for each in readings if each.error is not None]
@@ -516,7 +521,7 @@ def calibration_digest(calibration: Calibration) -> str:
     values = {key: f"{value:.6g}  #{schema.unit_of(key) or ' -'}; fitted" for key, value in fits}
     values |= {f"{place}.{name}": json.dumps(value) for name, value in held.items()}
     values[f"{place}.parameters"] += f"  # {origin}"
-    return with_scene_lines(lines, values)
+    return with_scene_lines((), values).lstrip()
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:

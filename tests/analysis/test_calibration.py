@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.calibration import calibrate, calibrate_drive, calibration_digest, fit_slope, slope_digest
+from compact.analysis.calibration import calibrate, calibrate_drive, fit_slope, fitted_lines, slope_digest
 from compact.analysis.contact_cases import case_of, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.compaction import engine as finite_elements
@@ -101,7 +101,7 @@ def test_sensitivity_is_the_slope_of_the_refit(published):
 @pytest.mark.parametrize(("error", "origin"), [(None, "# fitted"), (0.05, "# measured ± 5 %")])
 def test_lines_for_the_scene_have_the_fit_and_the_error_of_measured_forces(error, origin):
     found = calibrate(load_scene("loveikin-2015"), reading(error, load=9740.0, resistance_coefficient=0.179))
-    lines, changes = calibration_digest(found).partition("for the scene:\n")[2], found.scene_changes
+    lines, changes = fitted_lines(found).removeprefix("for the scene:\n"), found.scene_changes
     assert f'"roller_friction"]  {origin}\n' in lines
     given = tomllib.loads(lines)
     assert given["mix"]["fitted_at"] == changes["mix.fitted_at"]

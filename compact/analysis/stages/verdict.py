@@ -38,7 +38,7 @@ from compact.analysis.stages.contacts import contact_stage
 from compact.analysis.stages.drives import KnownLaws, Place, Places, Stages, build_stages
 from compact.analysis.stages.kept_results import KeptResults
 from compact.analysis.stages.resistance import force_at
-from compact.engines import ENGINES
+from compact.engines import BUILT_IN, ENGINES
 from compact.engines.interface import Case
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
 from compact.material.mix import Mix
@@ -216,7 +216,7 @@ def model_answer(stages: Stages, lead: Scene, spread: "ModelSpread | None" = Non
         found = contacts.key, contacts.records, contacts.held, second_pass, resistance.map
         kept = KeptResults(*found, lifts=lifts and lifts.bare, prior=prior)
     engine, fit = ENGINES[scene.accuracy.engine], scene.mix.fitted_at
-    is_corrected = any(each.low_fidelity == engine.name for each in ENGINES.values())
+    is_corrected = any(each.low_fidelity == engine.name for each in BUILT_IN.values())
     foreign = f"fitted by {fit.engine}" if is_corrected and fit and fit.engine not in (None, engine.name) else ""
     return ModelAnswer(
         engine=engine.name,
