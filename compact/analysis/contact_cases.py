@@ -33,7 +33,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -261,6 +261,20 @@ class Pass:
             raise ValueError(f"give at most one of `height`, `load`, `exit_density_ratio`, got {sorted(given)}")
 
 
+class PassEnd(NamedTuple):
+    """State of the mix and heights [m] behind a pass, which another process takes as first pass."""
+
+    indentation: float
+    exit: Any
+    exit_height: float
+    lower_height: float | None
+
+    @classmethod
+    def of(cls, contact: Any) -> Self:
+        """Return the end of a pass over compacting mix."""
+        return cls(*(getattr(contact, name) for name in cls._fields))
+
+
 def there_and_back(count: int) -> tuple[Pass, ...]:
     """Return a number of passes over the same mix, every second one back."""
     validation.require_positive(count=count)
@@ -315,7 +329,7 @@ def passes(
 
 
 def roll_stages(
-    case: Case, stages: Sequence[Pass], engine: Engine, first: Contact | None = None
+    case: Case, stages: Sequence[Pass], engine: Engine, first: Contact | PassEnd | None = None
 ) -> tuple[Contact, ...]:
     """Compute several passes of the roller of a case; see `passes`."""
     layer, state = case.layer, None  # of the mix behind the last pass; None of fresh mix
@@ -402,7 +416,7 @@ def solve(engine: Engine, scene: Scene, case: Any, start: Contact | None = None)
     return result
 
 
-def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: Contact) -> tuple[float, float]:
+def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: PassEnd) -> tuple[float, float]:
     """Compute load and resistance of a second pass over the mix behind a first one, at the mean speed [N/m]."""
     engine, case = ENGINES[scene.accuracy.engine], case_of(scene, mix, scene.mean_speed)
     with named_errors(scene, engine.name, case.speed):

@@ -69,6 +69,7 @@ class Study:
         self.executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
         self.stages = drives.build_stages(scene, self.count, directory, progress, shortest=shortest)
+        self.stages.contacts.submit = self.submit
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -91,15 +92,12 @@ class Study:
         found = contacts.kept or kept_results.KeptResults(
             contacts.key, contacts.records, contacts.held, contacts.second_pass, resistance.map, contacts.air_curve
         )
-        models, names = (
-            self.__dict__.get("models"),
-            {*found.files, *(file.relative_to(directory).as_posix() for file in files)},
-        )
+        names = {*found.files, *(file.relative_to(directory).as_posix() for file in files)}
         found = replace(
             found, resistance_map=resistance.map, files=tuple(sorted(names)),
             lifts=contacts.process.lifts if contacts.process else None,
             model_spread=self.__dict__.get("model_spread", found.model_spread),
-            prior=models[0].prior if models else found.prior,
+            prior=self.__dict__.get("_prior", found.prior),
             uncertainty={self._key: known} if (known := self.__dict__.get("uncertainty")) else found.uncertainty,
         )  # fmt: skip
         yield from kept_results.write_results(directory, found)
@@ -128,8 +126,19 @@ class Study:
     @cached_property
     def models(self) -> list[verdict.ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
-        own = verdict.model_answer(self.stages, self.scene, self.model_spread)
+        spread = self.model_spread
+        own = verdict.model_answer(self.stages, spread.resistance if spread else None, self._prior)
         return [own, *self.comparison.values()]
+
+    @cached_property
+    def _prior(self) -> tuple[float, float] | None:
+        """Load on a roller and resistance of a cart with nothing fitted [N]; None without a fit."""
+        kept = self.stages.contacts.kept
+        return kept.prior if kept else self._prior_job.result()
+
+    @cached_property
+    def _prior_job(self) -> Job:
+        return self.submit(partial(verdict.prior_forces, self.scene), self.scene)
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -255,18 +264,30 @@ class Study:
         }
 
     @cached_property
+    def _answers_by_law(self) -> list[Job]:
+        """Jobs of the contacts by the other laws of the mix; none where they are not required, or kept."""
+        contacts = self.stages.contacts
+        kept = contacts.kept and contacts.kept.model_spread
+        if kept or not contacts.compacts or "model_spread" not in self.scene.output.items:
+            return []
+        assert contacts.held is not None  # of a compacting engine
+        work = partial(verdict.contact_by_law, contacts.held)
+        return [self.submit(work, each) for each in verdict.scenes_of_laws(self.scene, contacts.mix)]
+
+    def begin_contacts(self) -> None:
+        """Start the second pass, and the contacts by the other laws of the mix, where required and not kept."""
+        _ = self.stages.contacts.second_job, self._answers_by_law
+        if "report" in self.scene.output.items and not self.stages.contacts.kept:
+            _ = self._prior_job
+
+    @cached_property
     def model_spread(self) -> verdict.ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
-        contacts, kept = self.stages.contacts, self.stages.contacts.kept
-        if not contacts.compacts or "model_spread" not in self.scene.output.items:
-            return None
-        if kept and kept.model_spread:
-            return kept.model_spread
-        assert contacts.held is not None  # of a compacting engine
-        self.count("model spread")
-        work = partial(verdict.contact_by_law, contacts.held)
-        jobs = [self.submit(work, each) for each in verdict.scenes_of_laws(self.scene, contacts.mix)]
-        return verdict.spread_of([job.result() for job in jobs])
+        if self._answers_by_law:
+            self.count("model spread")
+            return verdict.spread_of([job.result() for job in self._answers_by_law])
+        kept = self.stages.contacts.kept
+        return kept.model_spread if kept and "model_spread" in self.scene.output.items else None
 
     @property
     def comparison(self) -> dict[str, verdict.ModelAnswer]:

@@ -65,6 +65,7 @@ def write_study(
         if contacts.compacts:
             standing = study.standing(place, "passes.csv", "density.csv")
             written += standing or results.write_tables(place, results.pass_tables(contacts.passes))
+        study.begin_contacts()
         for item in (each for each in ("reactions", "cams", "crank") if each in items):
             written += results.write_tables(place, results.ITEMS[item](study))
         if "fields" in items and (standing := study.standing(place, "fields.pvd", "fields/", "fields.png")):

@@ -6,7 +6,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -14,10 +14,11 @@ import numpy as np
 
 from compact.analysis import contact_cases as cases
 from compact.analysis import pore_air
-from compact.analysis.contact_cases import HeldQuantity, Passes, Progress
+from compact.analysis.contact_cases import HeldQuantity, PassEnd, Passes, Progress
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
+from compact.analysis.worker_pool import Job, SerialExecutor
 from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.engines.pore_air import NO_FORCES, AirForces
@@ -54,6 +55,8 @@ class ContactStage:
         Speeds of the contacts [m/s]; empty for the formulas, which have no speed.
     compacts : bool
         True if the mix compacts irreversibly.
+    submit : callable
+        Starts the second pass, a function and its argument, where it is to run.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class ContactStage:
         self.engine = ENGINES[scene.accuracy.engine]
         self.speeds = cases.contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
         self.compacts = self.engine.reads(self.engine.fed_key)
+        self.submit: Callable[[Callable[[Any], Any], Any], Job] = SerialExecutor().submit
 
     # the formulas
 
@@ -285,25 +289,32 @@ class ContactStage:
         return 0.0
 
     @cached_property
+    def second_job(self) -> Job | None:
+        """Second pass by `submit`; None where it is kept, or the engine rolls over no compacted mix."""
+        if self.kept or not self.engine.rolls_over:
+            return None
+        self.count("second pass")
+        first = self.reference[0]
+        coarse = self.scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
+        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
+        return self.submit(partial(cases.roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
+
+    @cached_property
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
 
         None where the engine rolls over no compacted mix, or does not converge there.
         """
-        if self.kept or not self.engine.rolls_over:
+        if self.second_job is None:
             return self.kept.second_pass if self.kept else None
-        self.count("second pass")
-        first, compacted = self.reference[0], self.scene.layer.return_stroke == "compacted"
-        coarse = not compacted and self.engine.as_start(first) is not None
-        numerics = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
         try:
-            load, resistance = cases.roll_back(self.scene, self.mix, numerics, first)
+            load, resistance = self.second_job.result()
         except RuntimeError as error:
-            if compacted:
+            if self.scene.layer.return_stroke == "compacted":
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        air = self.air_forces(self.scene.mean_speed) or NO_FORCES
+        first, air = self.reference[0], self.air_forces(self.scene.mean_speed) or NO_FORCES
         return load / (first.load + air.load), max(-resistance / (first.resistance + air.resistance), 0.0)
 
     @property

@@ -191,20 +191,21 @@ def valid_models(models: Sequence[ModelAnswer]) -> list[ModelAnswer]:
     return [model for model in models if model.valid] or [models[0]]
 
 
-def model_answer(stages: Stages, lead: Scene, spread: "ModelSpread | None" = None) -> ModelAnswer:
+def model_answer(
+    stages: Stages, spread: tuple[float, float] | None = None, prior: tuple[float, float] | None = None
+) -> ModelAnswer:
     """Collect the answer of the engine of a scene.
 
     Parameters
     ----------
-    lead : Scene
-        Scene to which it is compared.
-    spread : ModelSpread, optional
-        Contacts by the other laws of the mix.
+    spread : tuple of float, optional
+        Least and largest resistance over the laws of the mix [-].
+    prior : tuple of float, optional
+        Load on a roller and resistance of a cart with nothing fitted [N].
     """
     contacts, resistance = stages.contacts, stages.resistance
     scene, motion = contacts.scene, contacts.scene.motion
     drives = {motion.duration: stages.drive, **stages.drive.other_durations}
-    prior = contacts.kept.prior if contacts.kept else prior_forces(lead, scene)
     ratio = kept = None
     if contacts.process is None:
         with warnings.catch_warnings(action="ignore"):  # a thin layer is in the verdict
@@ -224,7 +225,7 @@ def model_answer(stages: Stages, lead: Scene, spread: "ModelSpread | None" = Non
         places={duration: each.places for duration, each in drives.items()},
         mean_resistance={t: force_at(each.resistance.resistance, motion.stroke / t) for t, each in drives.items()},
         error=resistance.error,
-        spread=spread and spread.resistance,
+        spread=spread,
         resistance=resistance.resistance,
         steady=resistance.steady_law,
         turning=resistance.turning,
@@ -327,7 +328,8 @@ def answer_of(lead: Scene, scene: Scene, laws: KnownLaws, directory: Path | None
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
-            found = model_answer(stages, lead)
+            kept = stages.contacts.kept
+            found = model_answer(stages, prior=kept.prior if kept else prior_forces(lead, scene))
         except (HeapingError, UnsteadyError, EquilibriumError) as error:
             return error
     return replace(found, counts=counts, warned=tuple(dict.fromkeys(str(each.message) for each in warned)))
