@@ -120,7 +120,7 @@ class Measurement:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.data) <= 1 + (self.load is not None):
-            raise ValueError(f"give `load`, and one of `{'`, `'.join(PULLS)}`; at least one of both")
+            raise ValueError(f"give `load`, one of `{'`, `'.join(PULLS)}`, or `load` with one of these")
 
     @property
     def data(self) -> tuple[tuple[str, Band], ...]:
