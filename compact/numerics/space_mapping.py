@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 from compact.numerics import Array
 
-AGREEMENT = 1e-3  # [-], default
+AGREEMENT = 1e-3  # [-], largest |ln(fine/corrected coarse)| at convergence, by default
 DIFFERENCE_STEP = 1e-4  # [-], of the unknowns, for central differences of the coarse model, smooth to 1e-8
 UNKNOWNS_TOLERANCE = 1e-10  # [-], relative change of the unknowns at which the fit of the coarse model ends
 MAX_FINE_RUNS = 24  # [-], evaluations of the fine model
