@@ -2,8 +2,9 @@
 
 Sources are the discretisation (mesh and resistance map), the parameters of the mix, the laws of the mix, its pore air,
 the other valid models, and the drive where its data are not measured; held quantity, return stroke and duration are
-choices of the designer. Each source scales or replaces the resistance of the model that sizes the
-machine, or the drive; the laws are simulated again at all of its ends.
+choices of the designer. Each source scales or replaces the resistance of the model that sizes the machine, or the
+drive; the laws are simulated again at all of its ends. Measured forces to which the mix is fitted have their own error,
+in place of mesh, parameters and laws of the mix, and other models.
 
 Stiffness and damping of the drive, alone and together, and the mass of the cart vary against the known resistance,
 milliseconds a law. A value that the scene states as measured, given or published varies by the ± of its comment, an
